@@ -8,13 +8,6 @@ if [ -n "${TESSERA_E2E_SMALL:-}" ]; then size=48x48 error=0.3 loose=0.35; fi
 scene=$scenes/same_bits.gltf
 job=(--size "$size" --max-depth 5 --frames 12 --seed 7 --tile-size 16)
 
-# draw NAME OPTIONS…: renders NAME.exr and NAME.json.
-draw() {
-  local name=$1
-  shift
-  tessera render "$scene" --output "$work/$name.exr" --report "$work/$name.json" --force \
-    "${job[@]}" "$@" >"$work/$name.log" 2>&1 </dev/null || fail "render $name: status $?"
-}
 # The part of the report that must not depend on the farm.
 frame='{k: d["frames"][0][k] for k in ("pixels_sha256", "samples", "spp_mean", "status", "estimated")}'
 

@@ -137,6 +137,14 @@ print(*value) if isinstance(value, list) else print(value)' "$1" "$2"
 
 pixels() { json "$1" 'd["frames"][0]["pixels_sha256"]'; }
 
+# draw NAME OPTIONS…: renders $scene with the options ${job[@]} to NAME.exr and NAME.json in $work.
+draw() {
+  local name=$1
+  shift
+  tessera render "$scene" --output "$work/$name.exr" --report "$work/$name.json" --force \
+    "${job[@]}" "$@" >"$work/$name.log" 2>&1 </dev/null || fail "render $name: status $?"
+}
+
 # equal WHAT A B
 equal() {
   [ "$2" = "$3" ] || fail "$1: '$2' is not '$3'"

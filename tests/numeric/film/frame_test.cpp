@@ -167,6 +167,7 @@ TEST(FrameRenderer, ThreadCountKeepsEveryBit) {  // hard case 77
   auto settings = room_settings();
   settings.width = 40;
   settings.height = 30;
+  settings.aovs = contract::kAovTraversalCost;  // counted by each thread
   const contract::PixelRect all = {0, 0, 40, 30};
   auto renderer = render::FrameRenderer::create(room(), settings, 0, render::sequential());
   ASSERT_TRUE(renderer.ok());
