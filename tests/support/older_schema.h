@@ -19,6 +19,7 @@ inline std::string sql_to_older_schema(std::int64_t version) {
       "DROP TABLE totals; ALTER TABLE joins DROP COLUMN seen_us;",
       "ALTER TABLE jobs DROP COLUMN render_contract;",
       "ALTER TABLE jobs DROP COLUMN failure_code;",
+      "DROP TABLE settings;",
   };
   std::string sql;
   for (std::int64_t step = schema_version() - 1; step >= version; --step) {

@@ -103,6 +103,13 @@ ALTER TABLE jobs ADD COLUMN render_contract INTEGER NOT NULL DEFAULT 10;  -- tha
 ALTER TABLE jobs ADD COLUMN failure_code INTEGER NOT NULL DEFAULT 0;  -- status code of a failed job
 UPDATE jobs SET failure_code=3 WHERE state=5 AND reason LIKE 'bad scene:%';  -- INVALID_ARGUMENT
 )sql",
+    R"sql(
+CREATE TABLE settings(  -- of the farm
+  kind INTEGER NOT NULL,  -- SettingKind in store.h
+  name TEXT NOT NULL,
+  value TEXT NOT NULL,
+  PRIMARY KEY (kind, name)) WITHOUT ROWID;
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);
