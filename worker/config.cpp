@@ -122,6 +122,9 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
   app.add_option("--name", options.name, "Display name (default: the host name)");
   app.add_option("--tags", options.tags, "Tags that jobs can select with `submit --require-tag`")
       ->delimiter(',');
+  app.add_option("--pool", options.pool,
+                 "Pool to which the worker belongs unless an operator moves it (default: default)")
+      ->type_name("POOL");
   app.add_option("--unit-timeout", flags.unit_timeout_s,
                  "Maximum seconds per unit; a renderer that takes longer is killed")
       ->capture_default_str()

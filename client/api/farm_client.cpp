@@ -17,6 +17,7 @@
 #include "rpc/protocol_version.h"
 #include "rpc/rpc_status.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
+#include "tessera/v1/farm_service.grpc.pb.h"
 #include "tessera/v1/job_service.grpc.pb.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
 
@@ -58,6 +59,7 @@ class Client : public FarmClient {
         jobs_(v1::JobService::NewStub(channel)),
         assets_(v1::AssetService::NewStub(channel)),
         workers_(v1::WorkerService::NewStub(channel)),
+        farm_(v1::FarmService::NewStub(channel)),
         random_(std::random_device{}()) {}
 
   absl::StatusOr<v1::CreateJobResponse> create_job(const v1::CreateJobRequest& request) override {
@@ -132,6 +134,10 @@ class Client : public FarmClient {
     request.set_sample_count(sample_count);
     if (error > 0) request.set_error_target(error);
     return job_of<v1::ExtendJobResponse>(&v1::JobService::Stub::ExtendJob, request);
+  }
+
+  absl::StatusOr<v1::Job> update_job(const v1::UpdateJobRequest& request) override {
+    return job_of<v1::UpdateJobResponse>(&v1::JobService::Stub::UpdateJob, request);
   }
 
   absl::StatusOr<std::string> get_report(const std::string& job_id) override {
@@ -222,6 +228,37 @@ class Client : public FarmClient {
   absl::Status allow_worker(const std::string& worker_id) override {
     return order<v1::AllowWorkerRequest, v1::AllowWorkerResponse>(
         &v1::WorkerService::Stub::AllowWorker, worker_id);
+  }
+
+  absl::Status move_worker(const std::string& worker_id, const std::string& pool) override {
+    v1::MoveWorkerRequest request;
+    request.set_worker_id(worker_id);
+    request.set_pool(pool);
+    v1::MoveWorkerResponse response;
+    return unary(workers_, &v1::WorkerService::Stub::MoveWorker, request, response);
+  }
+
+  absl::StatusOr<v1::Limit> set_limit(const std::string& name, std::int64_t units) override {
+    v1::SetLimitRequest request;
+    request.set_name(name);
+    request.set_unit_count(units);
+    v1::SetLimitResponse response;
+    absl::Status status = unary(farm_, &v1::FarmService::Stub::SetLimit, request, response);
+    if (!status.ok()) return status;
+    return response.limit();
+  }
+  absl::Status remove_limit(const std::string& name) override {
+    v1::RemoveLimitRequest request;
+    request.set_name(name);
+    v1::RemoveLimitResponse response;
+    return unary(farm_, &v1::FarmService::Stub::RemoveLimit, request, response);
+  }
+  absl::StatusOr<std::vector<v1::Limit>> list_limits() override {
+    v1::ListLimitsResponse response;
+    absl::Status status =
+        unary(farm_, &v1::FarmService::Stub::ListLimits, v1::ListLimitsRequest(), response);
+    if (!status.ok()) return status;
+    return std::vector<v1::Limit>(response.limits().begin(), response.limits().end());
   }
 
   absl::StatusOr<std::vector<v1::Worker>> list_workers() override {
@@ -400,6 +437,7 @@ class Client : public FarmClient {
   const std::unique_ptr<v1::JobService::Stub> jobs_;
   const std::unique_ptr<v1::AssetService::Stub> assets_;
   const std::unique_ptr<v1::WorkerService::Stub> workers_;
+  const std::unique_ptr<v1::FarmService::Stub> farm_;
   std::unique_ptr<v1::AssetService::Stub> uploads_;  // null before the first upload
   std::mt19937 random_;                              // jitter only
   std::int64_t contacts_ = 0;

@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "client/cli/command.h"
 #include "tessera/v1/asset_service.pb.h"
+#include "tessera/v1/farm_service.pb.h"
 #include "tessera/v1/job_service.pb.h"
 #include "tessera/v1/worker_service.pb.h"
 
@@ -46,6 +47,7 @@ class FarmClient {
   virtual absl::Status remove_job(const std::string& job_id) = 0;
   virtual absl::StatusOr<v1::Job> extend_job(const std::string& job_id, std::int32_t sample_count,
                                              double error) = 0;
+  virtual absl::StatusOr<v1::Job> update_job(const v1::UpdateJobRequest& request) = 0;
   /// Returns the report, a JSON document.
   virtual absl::StatusOr<std::string> get_report(const std::string& job_id) = 0;
   /// Returns the deliveries of a job that the server remembers, in order.
@@ -77,6 +79,12 @@ class FarmClient {
   virtual absl::Status drain_worker(const std::string& worker_id) = 0;
   virtual absl::Status ban_worker(const std::string& worker_id) = 0;
   virtual absl::Status allow_worker(const std::string& worker_id) = 0;
+  /// An empty pool: the one that the worker names itself.
+  virtual absl::Status move_worker(const std::string& worker_id, const std::string& pool) = 0;
+
+  virtual absl::StatusOr<v1::Limit> set_limit(const std::string& name, std::int64_t units) = 0;
+  virtual absl::Status remove_limit(const std::string& name) = 0;
+  virtual absl::StatusOr<std::vector<v1::Limit>> list_limits() = 0;
 };
 
 }  // namespace tessera::client

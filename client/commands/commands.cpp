@@ -12,8 +12,10 @@ void add_all_commands(CLI::App& app, Invocation& invocation) {
   add_fetch_command(app, invocation);
   add_job_control_commands(app, invocation);
   add_extend_command(app, invocation);
+  add_set_command(app, invocation);
   add_events_commands(app, invocation);
   add_workers_command(app, invocation);
+  add_limits_command(app, invocation);
   add_farm_command(app, invocation);
   add_inspect_command(app, invocation);
   add_compare_command(app, invocation);

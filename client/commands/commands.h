@@ -30,10 +30,13 @@ void add_fetch_command(CLI::App& app, Invocation& invocation);
 /// Adds pause, resume, cancel, retry and remove.
 void add_job_control_commands(CLI::App& app, Invocation& invocation);
 void add_extend_command(CLI::App& app, Invocation& invocation);
+void add_set_command(CLI::App& app, Invocation& invocation);
 /// Adds logs and events.
 void add_events_commands(CLI::App& app, Invocation& invocation);
-/// Adds workers with drain, ban and allow.
+/// Adds workers with pool, drain, ban and allow.
 void add_workers_command(CLI::App& app, Invocation& invocation);
+/// Adds limits with set and remove.
+void add_limits_command(CLI::App& app, Invocation& invocation);
 /// Adds farm with up and down.
 void add_farm_command(CLI::App& app, Invocation& invocation);
 void add_inspect_command(CLI::App& app, Invocation& invocation);

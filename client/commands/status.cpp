@@ -20,6 +20,19 @@ struct StatusOptions {
   bool json = false;
 };
 
+/// Adds what the job requires of workers, limits and other jobs.
+void add_requirements(const v1::Job& job, Table& table) {
+  table.add({"priority", std::to_string(job.priority())});
+  table.add({"pool", job.pool()});
+  if (!job.required_tag().empty()) table.add({"tag", job.required_tag()});
+  for (const v1::LimitUse& use : job.limits()) {
+    table.add({"limit", absl::StrCat(use.limit(), ", ", use.unit_count(), " for each unit")});
+  }
+  for (const v1::JobDependency& dependency : job.dependencies()) {
+    table.add({dependency_name(dependency.kind()), absl::StrCat("job ", dependency.job_id())});
+  }
+}
+
 std::string text_of(const v1::Job& job) {
   const v1::JobProgress& progress = job.progress();
   Table table({"job", absl::StrCat(job.id(), "  ", job.name())});
@@ -40,6 +53,7 @@ std::string text_of(const v1::Job& job) {
                           ? absl::StrFormat("%.5f (estimated)", progress.estimated_error())
                           : "unknown"});
   table.add({"workers", std::to_string(progress.worker_count())});
+  add_requirements(job, table);
   table.add({"cpu", absl::StrFormat("%.1f s", progress.cpu_seconds())});
   table.add({"elapsed", format_seconds(to_seconds(progress.elapsed()))});
   if (progress.has_remaining()) {

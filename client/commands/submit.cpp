@@ -3,18 +3,21 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "cli/command.h"
 #include "client/commands/commands.h"
 #include "client/output/job_status.h"
 #include "client/request/job_request.h"
+#include "client/request/limit_uses.h"
 
 namespace tessera::client {
 namespace {
 
 struct SubmitOptions {
   RenderOptions render;
-  std::string name, required_tag;
+  std::string name, required_tag, pool;
+  std::vector<std::string> limits, after, after_any, after_frames;
   int priority = 0, max_workers = 0;
   bool wait = false, json = false;
 };
@@ -32,12 +35,44 @@ void print_submitted(const v1::CreateJobResponse& made, bool json) {
   std::fflush(stdout);
 }
 
+/// Finds the jobs that the new one waits for.
+absl::Status add_dependencies(FarmClient& client, const SubmitOptions& options,
+                              v1::CreateJobRequest& request) {
+  const auto add = [&](const std::vector<std::string>& jobs, v1::JobDependency::Kind kind) {
+    for (const std::string& text : jobs) {
+      const auto job = client.get_job(text);
+      if (!job.ok()) return job.status();
+      v1::JobDependency* dependency = request.add_dependencies();
+      dependency->set_job_id(job->id());
+      dependency->set_kind(kind);
+    }
+    return absl::OkStatus();
+  };
+  absl::Status status = add(options.after, v1::JobDependency::KIND_SUCCESS);
+  if (status.ok()) status = add(options.after_any, v1::JobDependency::KIND_END);
+  if (status.ok()) status = add(options.after_frames, v1::JobDependency::KIND_FRAMES);
+  return status;
+}
+
+void add_dependency_options(CLI::App& command, SubmitOptions& options) {
+  const auto add = [&command](const char* name, std::vector<std::string>& jobs, const char* text) {
+    command.add_option(name, jobs, text)->type_name("JOB")->allow_extra_args(false);
+  };
+  add("--after", options.after, "Render only once this job is done; repeatable");
+  add("--after-any", options.after_any,
+      "Render only once this job has ended: done, failed, cancelled or removed; repeatable");
+  add("--after-frames", options.after_frames,
+      "Render each frame once the same frame of this job is finished; repeatable");
+}
+
 int run(const SubmitOptions& options, const Connection& connection) {
   auto prepared = prepare_job(options.render, options.name);
   if (!prepared.ok()) return fail(prepared.status());
   for (const std::string& remark : prepared->remarks) {
     std::fprintf(stderr, "%s\n", remark.c_str());
   }
+  const auto limits = parse_limit_uses(options.limits);
+  if (!limits.ok()) return fail(limits.status());
   SignalHandler signals;
   auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
@@ -46,9 +81,13 @@ int run(const SubmitOptions& options, const Connection& connection) {
   request.set_priority(options.priority);
   request.set_max_worker_count(options.max_workers);
   request.set_required_tag(options.required_tag);
+  request.set_pool(options.pool);
+  *request.mutable_limits() = limits->limits();
   absl::StatusOr<v1::CreateJobResponse> made = absl::UnknownError("");
   {
     const InterruptAction action(signals, [&] { (*client)->cancel(); });
+    const absl::Status found = add_dependencies(**client, options, request);
+    if (!found.ok()) return fail(found);
     const absl::Status uploaded = upload_missing(**client, *prepared);
     if (!uploaded.ok()) return fail(uploaded);
     made = (*client)->create_job(request);
@@ -78,11 +117,20 @@ void add_submit_command(CLI::App& app, Invocation& invocation) {
       ->type_name("N");
   command->add_option("--require-tag", options->required_tag, "Tag that workers must have")
       ->type_name("TAG");
+  command->add_option("--pool", options->pool, "Pool whose workers render it (default: default)")
+      ->type_name("POOL");
+  command
+      ->add_option("--limit", options->limits,
+                   "Limit that each leased unit counts against, UNITS times; repeatable")
+      ->type_name("NAME[=UNITS]")
+      ->allow_extra_args(false);
+  add_dependency_options(*command, *options);
   command->add_flag("--wait", options->wait, "Wait for the job and return its exit code");
   command->add_flag("--json", options->json, "JSON output");
   command->footer(
       "Examples:\n  tessera submit scene.glb --frames 0-99 --spp 256\n"
-      "  tessera submit scene.glb --wait --require-tag big-memory");
+      "  tessera submit scene.glb --wait --require-tag big-memory\n"
+      "  tessera submit final.glb --after preview --pool night --limit licence");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
   });

@@ -47,6 +47,7 @@ nlohmann::ordered_json document_of(const v1::Worker& worker) {
           {"isa", worker.isa()},
           {"threads", worker.thread_count()},
           {"tags", tags},
+          {"pool", worker.pool()},
           {"units_leased", worker.leased_unit_count()},
           {"units_committed", worker.committed_unit_count()},
           {"cpu_seconds", worker.cpu_seconds()},
@@ -66,15 +67,15 @@ int run(const WorkersOptions& options, const Connection& connection) {
     std::printf("%s\n", document.dump(2).c_str());
     return kExitDone;
   }
-  Table table({"WORKER", "STATE", "THREADS", "ISA", "LEASED", "COMMITTED", "CPU S", "MEMORY",
-               "HOST", "NAME"});
+  Table table({"WORKER", "STATE", "POOL", "THREADS", "ISA", "LEASED", "COMMITTED", "CPU S",
+               "MEMORY", "HOST", "NAME"});
   for (const v1::Worker& worker : *workers) {
-    table.add({worker.id(), state_name(worker.state()), std::to_string(worker.thread_count()),
-               worker.isa(), std::to_string(worker.leased_unit_count()),
-               std::to_string(worker.committed_unit_count()),
-               absl::StrFormat("%.1f", worker.cpu_seconds()),
-               format_bytes(static_cast<double>(worker.rss_bytes())), worker.host(),
-               worker.name()});
+    table.add(
+        {worker.id(), state_name(worker.state()), worker.pool(),
+         std::to_string(worker.thread_count()), worker.isa(),
+         std::to_string(worker.leased_unit_count()), std::to_string(worker.committed_unit_count()),
+         absl::StrFormat("%.1f", worker.cpu_seconds()),
+         format_bytes(static_cast<double>(worker.rss_bytes())), worker.host(), worker.name()});
   }
   std::fputs(table.text().c_str(), stdout);
   return kExitDone;
@@ -123,7 +124,40 @@ int run_order(const Order& order, const std::string& text, const Connection& con
   return kExitDone;
 }
 
+struct MoveOptions {
+  std::string worker, pool;
+};
+
+int run_move(const MoveOptions& options, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto id = find_worker(**client, options.worker);
+  if (!id.ok()) return fail(id.status());
+  if (const absl::Status status = (*client)->move_worker(*id, options.pool); !status.ok()) {
+    return fail(status);
+  }
+  std::printf("%s is in %s\n", id->c_str(),
+              options.pool.empty() ? "its own pool" : ("pool " + options.pool).c_str());
+  return kExitDone;
+}
+
+void add_move(CLI::App& command, Invocation& invocation) {
+  auto options = std::make_shared<MoveOptions>();
+  CLI::App* sub = cli::add_command(
+      command, "pool", "Move a worker to a pool, across restarts of the server and the worker");
+  add_connection_options(*sub, invocation.connection);
+  sub->add_option("worker", options->worker, "Worker ID, unique prefix, or name")->required();
+  sub->add_option("pool", options->pool, "Pool; \"\": the one of its own --pool")->required();
+  sub->footer(
+      "The worker returns units that it has not started.\n"
+      "Example:\n  tessera workers pool w-0f3a night");
+  sub->callback([options, &invocation] {
+    invocation.run = [options, &invocation] { return run_move(*options, invocation.connection); };
+  });
+}
+
 void add_orders(CLI::App& command, Invocation& invocation) {
+  add_move(command, invocation);
   for (const Order& order : kOrders) {
     auto worker = std::make_shared<std::string>();
     CLI::App* sub = cli::add_command(command, order.name, order.description);
@@ -149,7 +183,7 @@ void add_workers_command(CLI::App& app, Invocation& invocation) {
   command->add_flag("--json", options->json, "JSON output (tessera.workers/2)");
   add_orders(*command, invocation);
   command->footer(
-      "On farms with certificates, drain, ban and allow require an admin certificate.\n"
+      "On farms with certificates, pool, drain, ban and allow require an admin certificate.\n"
       "Examples:\n  tessera workers\n  tessera workers drain w-0f3a");
   command->callback([command, options, &invocation] {
     if (!command->get_subcommands().empty()) return;  // the subcommand has its own callback

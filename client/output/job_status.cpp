@@ -38,6 +38,23 @@ nlohmann::ordered_json progress_document(const v1::JobProgress& progress) {
   return document;
 }
 
+nlohmann::ordered_json limits_document(const v1::Job& job) {
+  nlohmann::ordered_json document = nlohmann::ordered_json::array();
+  for (const v1::LimitUse& use : job.limits()) {
+    document.push_back({{"limit", use.limit()}, {"units", use.unit_count()}});
+  }
+  return document;
+}
+
+nlohmann::ordered_json dependencies_document(const v1::Job& job) {
+  nlohmann::ordered_json document = nlohmann::ordered_json::array();
+  for (const v1::JobDependency& dependency : job.dependencies()) {
+    document.push_back(
+        {{"job", dependency.job_id()}, {"kind", dependency_name(dependency.kind())}});
+  }
+  return document;
+}
+
 /// Prints the warnings in the report of a finished job to stderr.
 void print_warnings(FarmClient& client, const std::string& job_id,
                     std::span<const std::string> already_printed) {
@@ -62,6 +79,19 @@ std::string state_name(v1::Job::State state) {
       return "failed";
     case v1::Job::STATE_CANCELLED:
       return "cancelled";
+    default:
+      return "unknown";
+  }
+}
+
+std::string dependency_name(v1::JobDependency::Kind kind) {
+  switch (kind) {
+    case v1::JobDependency::KIND_SUCCESS:
+      return "after";
+    case v1::JobDependency::KIND_END:
+      return "after-any";
+    case v1::JobDependency::KIND_FRAMES:
+      return "after-frames";
     default:
       return "unknown";
   }
@@ -105,6 +135,9 @@ nlohmann::ordered_json job_document(const v1::Job& job) {
                                      {"priority", job.priority()},
                                      {"max_workers", job.max_worker_count()},
                                      {"required_tag", job.required_tag()},
+                                     {"pool", job.pool()},
+                                     {"limits", limits_document(job)},
+                                     {"dependencies", dependencies_document(job)},
                                      {"created", rfc3339(job.create_time())},
                                      {"ended", nullptr},
                                      {"progress", progress_document(job.progress())}};

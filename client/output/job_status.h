@@ -12,6 +12,9 @@ namespace tessera::client {
 
 /// Returns "queued", "running", "paused", "done", "failed" or "cancelled".
 std::string state_name(v1::Job::State state);
+/// Returns the name of a dependency, as in the options of `submit` and in JSON documents: `after`,
+/// `after-any`, `after-frames`.
+std::string dependency_name(v1::JobDependency::Kind kind);
 
 /// Returns whether the job is done, failed or cancelled.
 bool has_ended(const v1::Job& job);

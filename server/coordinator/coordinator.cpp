@@ -22,6 +22,7 @@ Coordinator::Coordinator(Store& store, FarmOptions options, const std::vector<st
       intake_({farm_, store, pipeline_, budget_, finisher_, audits_}),
       workers_(farm_, store, pipeline_),
       assets_(farm_, store, pipeline_),
+      settings_(farm_, store, pipeline_),
       admission_(farm_, store, pipeline_, assets_),
       jobs_({farm_, store, pipeline_, finisher_, assets_}),
       queries_({farm_, store, finisher_, budget_, intake_.deliveries()}) {
@@ -35,6 +36,10 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::open(Store& store, Far
   const auto roster = store.roster();
   if (!roster.ok()) return roster.status();
   std::unique_ptr<Coordinator> opened(new Coordinator(store, std::move(options), *roster));
+  {
+    FarmChange change(opened->farm_);
+    if (absl::Status loaded = opened->settings_.load(change); !loaded.ok()) return loaded;
+  }
   FarmLoader loader({opened->farm_, store, opened->pipeline_, opened->finisher_, opened->assets_});
   if (absl::Status loaded = loader.load(); !loaded.ok()) return loaded;
   return opened;
@@ -47,12 +52,14 @@ void Coordinator::tick() {
   if (change.now() - last_running_write_ < kWriteRunningEvery) return;
   last_running_write_ = change.now();
   pipeline_.write_running(change);
+  settings_.write_use(change);
 }
 
 void Coordinator::stop() {
   {
     FarmChange change(farm_);
     pipeline_.write_running(change);
+    settings_.write_use(change);
   }
   budget_.stop();
   pipeline_.stop();

@@ -13,6 +13,7 @@
 #include "server/jobs/job_admin.h"
 #include "server/jobs/job_admission.h"
 #include "server/queries/farm_queries.h"
+#include "server/settings/farm_settings.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
 #include "server/workers/worker_registry.h"
@@ -44,6 +45,7 @@ class Coordinator {
   JobAdmission& admission() { return admission_; }
   JobAdmin& jobs() { return jobs_; }
   AssetCatalog& assets() { return assets_; }
+  FarmSettings& settings() { return settings_; }
   FrameImages& images() { return images_; }
   const FarmQueries& queries() const { return queries_; }
   /// Recent events.
@@ -62,6 +64,7 @@ class Coordinator {
   BlockIntake intake_;
   WorkerRegistry workers_;
   AssetCatalog assets_;
+  FarmSettings settings_;
   JobAdmission admission_;
   JobAdmin jobs_;
   FarmQueries queries_;

@@ -68,7 +68,8 @@ absl::Status FarmLoader::load() {
   FarmChange change(parts_.farm);
   for (const std::string& worker_id : *banned) change.scheduler().ban(worker_id);
   for (const JobRecord& record : *records) {
-    const absl::Status status = load_job(change, record);
+    absl::Status status = load_job(change, record);
+    if (status.ok()) status = note_removed(change, record.id);
     if (!status.ok()) leave_out(change, record, status);
   }
   return absl::OkStatus();
@@ -125,16 +126,29 @@ absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
   return restore_costs(parts_.store, change.scheduler(), job);
 }
 
+/// Tells the scheduler how jobs ended that this one waits for and that were removed.
+absl::Status FarmLoader::note_removed(FarmChange& change, const std::string& job_id) {
+  const std::vector<Dependency> after = change.find_job(job_id)->spec->after;
+  for (const Dependency& dependency : after) {
+    if (change.find_job(dependency.job_id) != nullptr) continue;
+    const auto state = parts_.store.removed_state(dependency.job_id);
+    if (!state.ok()) return state.status();
+    if (!state->has_value()) continue;
+    change.scheduler().note_removed(dependency.job_id, static_cast<JobState>(**state));
+  }
+  return absl::OkStatus();
+}
+
 absl::Status FarmLoader::load_frames(FarmChange& change, Job& job) {
   const auto frames = parts_.store.frames(job.spec->id);
   if (!frames.ok()) return frames.status();
   JobFilm& film = change.film(job);
-  JobPlan& plan = job.open_plan();
+  job.open_plan();
   for (const FrameRecord& frame : *frames) {
     const FrameSummary summary = read_frame_summary(frame.statistics_json);
     if (!summary.fits(job.spec->settings)) continue;
     film.count_finished(frame, summary);
-    plan.finish(frame.frame, summary.unit_count);
+    change.scheduler().restore_frame(job, frame.frame, summary.unit_count);
     film.committed_samples += summary.samples;
   }
   return absl::OkStatus();

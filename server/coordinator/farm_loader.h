@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "absl/status/status.h"
 #include "server/assets/asset_catalog.h"
 #include "server/commit/commit_pipeline.h"
@@ -28,6 +30,7 @@ class FarmLoader {
  private:
   absl::Status load_job(FarmChange& change, const JobRecord& record);
   void leave_out(FarmChange& change, const JobRecord& record, const absl::Status& fault);
+  absl::Status note_removed(FarmChange& change, const std::string& job_id);
   absl::Status load_frames(FarmChange& change, Job& job);
   absl::Status load_units(FarmChange& change, Job& job, const JobRecord& record);
 

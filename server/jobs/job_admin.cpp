@@ -54,6 +54,30 @@ absl::Status check_extension(const contract::RenderSettings& present,
   return absl::OkStatus();
 }
 
+void apply_update(const JobAdmin::Update& update, JobSpec& spec) {
+  if (update.priority) spec.priority = *update.priority;
+  if (update.max_workers) spec.max_workers = *update.max_workers;
+  if (update.required_tag) spec.required_tag = *update.required_tag;
+  if (update.pool) spec.pool = *update.pool;
+  if (update.limits) spec.limits = *update.limits;
+  if (update.clear_dependencies) spec.after.clear();
+}
+
+/// Returns what update_job() can change, for events and the log.
+std::string describe(const JobSpec& spec) {
+  std::string text = absl::StrCat("priority ", spec.priority, ", ");
+  if (spec.max_workers > 0) absl::StrAppend(&text, "at most ", spec.max_workers, " workers, ");
+  absl::StrAppend(&text, "pool ", spec.pool.empty() ? kDefaultPool : spec.pool);
+  if (!spec.required_tag.empty()) absl::StrAppend(&text, ", tag ", spec.required_tag);
+  for (const LimitUse& use : spec.limits) {
+    absl::StrAppend(&text, ", limit ", use.limit, "=", use.units);
+  }
+  for (const Dependency& dependency : spec.after) {
+    absl::StrAppend(&text, ", after job ", dependency.job_id);
+  }
+  return text;
+}
+
 }  // namespace
 
 absl::Status check_render_contract(const JobSpec& spec) {
@@ -182,6 +206,43 @@ JobView JobAdmin::replan(const std::string& job_id, const std::shared_ptr<const 
   finisher_.close_frames(job);
   if (!has_ended(job.state)) finisher_.catch_up(change, job);
   change.scheduler().offer_work(change.now());
+  return change.view(job);
+}
+
+// Order, requirements, limits ---------------------------------------------------------------------
+
+void JobAdmin::update_job(const std::string& job_id, const Update& update, OnJob done) {
+  pipeline_.post(
+      [this, job_id, update, done = std::move(done)] { done(update_now(job_id, update)); });
+}
+
+/// Writes the new request, then changes the schedule. On the writer thread, which writes no row of
+/// the job meanwhile.
+absl::StatusOr<JobView> JobAdmin::update_now(const std::string& job_id, const Update& update) {
+  std::shared_ptr<JobSpec> spec;
+  JobRecord record;
+  {
+    const FarmView view(farm_);
+    const Job* job = view.find_job(job_id);
+    if (job == nullptr) return no_such_job(job_id);
+    if (job->state == JobState::done) {
+      return absl::FailedPreconditionError(absl::StrCat("job ", job_id, " is done"));
+    }
+    spec = std::make_shared<JobSpec>(*job->spec);
+    apply_update(update, *spec);
+    absl::Status exist = check_limits_exist(view, update.limits.value_or(std::vector<LimitUse>{}));
+    if (!exist.ok()) return exist;
+    spec->request = farm_.options().write_request(*spec);
+    if (spec->request == job->spec->request) return view.view(*job);
+    record = view.record(*job);
+  }
+  record.request = spec->request;
+  if (absl::Status written = store_.rewrite_job(record, {}); !written.ok()) return written;
+  FarmChange change(farm_);
+  Job& job = *change.find_job(job_id);  // only this thread removes jobs
+  change.scheduler().change(job, spec, change.now());
+  change.note(EventKind::job_changed, job, "", describe(*spec));
+  change.log(LogLevel::info, absl::StrCat("job ", job_id, " changed: ", describe(*spec)));
   return change.view(job);
 }
 

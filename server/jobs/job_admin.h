@@ -53,6 +53,15 @@ class JobAdmin {
   };
   /// Extends a job durably, then calls `done`. After an error nothing has changed.
   void extend_job(const std::string& job_id, const Extension& extension, OnJob done);
+  /// New order, requirements and limits of a job; absent: unchanged.
+  struct Update {
+    std::optional<std::int32_t> priority, max_workers;
+    std::optional<std::string> required_tag, pool;
+    std::optional<std::vector<LimitUse>> limits;
+    bool clear_dependencies = false;
+  };
+  /// Changes a job that is not done durably, then calls `done`. After an error nothing has changed.
+  void update_job(const std::string& job_id, const Update& update, OnJob done);
   /// Removes an ended job durably, then calls `done`. After an error the job is still there.
   void remove_job(const std::string& job_id, std::function<void(absl::Status)> done);
   /// Removes jobs that ended long ago, and resumes jobs that were paused because the disk was full
@@ -66,6 +75,7 @@ class JobAdmin {
   absl::StatusOr<JobView> extend_now(const std::string& job_id, const Extension& extension);
   JobView replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
                  const std::vector<UnitRecord>& kept);
+  absl::StatusOr<JobView> update_now(const std::string& job_id, const Update& update);
   absl::Status remove_now(const std::string& job_id);
   void expire_jobs(FarmChange& change);
   void expire(const std::string& job_id);

@@ -23,6 +23,26 @@ JobRecord new_record(const JobSpec& spec, std::int64_t create_time_us) {
   return record;
 }
 
+/// Errors: NotFound, a job that this one waits for does not exist or belongs to another owner;
+/// InvalidArgument, it lacks a frame.
+absl::Status check_dependencies(const FarmView& farm, const JobSpec& spec,
+                                const std::string& visible_owner) {
+  for (const Dependency& dependency : spec.after) {
+    const Job* other = farm.find_job(dependency.job_id);
+    if (other == nullptr || (!visible_owner.empty() && other->spec->owner != visible_owner)) {
+      return absl::NotFoundError(absl::StrCat("dependencies: no job \"", dependency.job_id, "\""));
+    }
+    if (dependency.kind != Dependency::Kind::frames) continue;
+    const std::vector<std::int32_t> theirs = contract::frame_list(other->spec->settings.frames);
+    for (const std::int32_t frame : contract::frame_list(spec.settings.frames)) {
+      if (std::binary_search(theirs.begin(), theirs.end(), frame)) continue;
+      return absl::InvalidArgumentError(absl::StrCat("dependencies: job ", dependency.job_id,
+                                                     " has no frame ", frame, " to wait for"));
+    }
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status check_owners_quota(const FarmView& farm, const ClientQuota& quota, const JobSpec& spec,
@@ -41,9 +61,20 @@ absl::Status check_owners_quota(const FarmView& farm, const ClientQuota& quota, 
   return check_quota(quota, use, spec);
 }
 
-void JobAdmission::create_job(JobSpec spec, OnCreated done) {
+absl::Status check_limits_exist(const FarmView& farm, const std::vector<LimitUse>& uses) {
+  for (const LimitUse& use : uses) {
+    if (farm.scheduler().limits().has(use.limit)) continue;
+    return absl::NotFoundError(absl::StrCat("limits: no limit \"", use.limit,
+                                            "\"; an operator creates it with `tessera limits set ",
+                                            use.limit, " N`"));
+  }
+  return absl::OkStatus();
+}
+
+void JobAdmission::create_job(JobSpec spec, OnCreated done, std::string visible_owner) {
   const std::int64_t store_bytes = max_job_size(spec).store_bytes;
-  const auto request = std::make_shared<Request>(Request{std::move(spec), {}, store_bytes});
+  const auto request = std::make_shared<Request>(
+      Request{std::move(spec), {}, store_bytes, std::move(visible_owner)});
   pipeline_.post_write(
       [this, request] {
         absl::Status status = check_room(*request);
@@ -80,6 +111,12 @@ absl::Status JobAdmission::check_room(const Request& request) {
     return absl::AlreadyExistsError("request_id");
   }
   if (absl::Status missing = assets_.check_present(spec); !missing.ok()) return missing;
+  {
+    const FarmView view(farm_);
+    absl::Status status = check_dependencies(view, spec, request.visible_owner);
+    status.Update(check_limits_exist(view, spec.limits));
+    if (!status.ok()) return status;
+  }
   const std::int64_t left = farm_.options().quota_bytes - store_.used_bytes();
   if (request.store_bytes > left) {
     return absl::ResourceExhaustedError(absl::StrCat("the job needs up to ", request.store_bytes,

@@ -22,6 +22,9 @@ namespace tessera::server {
 absl::Status check_owners_quota(const FarmView& farm, const ClientQuota& quota, const JobSpec& spec,
                                 OwnerUse use = {});
 
+/// Errors: NotFound, a limit does not exist.
+absl::Status check_limits_exist(const FarmView& farm, const std::vector<LimitUse>& uses);
+
 /// Creates jobs: who may have which, once per request, durable before the answer.
 class JobAdmission {
  public:
@@ -37,8 +40,9 @@ class JobAdmission {
     std::int64_t store_bytes = 0;
   };
   using OnCreated = std::function<void(absl::StatusOr<Created>)>;
-  /// Creates a job durably, then calls `done`. Errors: as CreateJob in job_service.proto.
-  void create_job(JobSpec spec, OnCreated done);
+  /// Creates a job durably, then calls `done`. `visible_owner`: whose jobs it may wait for; empty:
+  /// everybody's. Errors: as CreateJob in job_service.proto.
+  void create_job(JobSpec spec, OnCreated done, std::string visible_owner = {});
 
  private:
   /// A job that is being created.
@@ -46,6 +50,7 @@ class JobAdmission {
     JobSpec spec;
     JobRecord record;
     std::int64_t store_bytes = 0;
+    std::string visible_owner;
   };
   absl::StatusOr<std::optional<JobView>> find_existing(const JobSpec& spec) const;
   absl::Status check_room(const Request& request);

@@ -1,6 +1,9 @@
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "server/queries/farm_queries.h"
@@ -11,10 +14,13 @@ namespace {
 /// Values of the gauges, from one pass over jobs and workers.
 struct Census {
   std::array<std::int64_t, 6> jobs{};  // by JobState − 1
-  std::int64_t waiting = 0, paused = 0, leased = 0, committed = 0;
+  std::int64_t waiting = 0, blocked = 0, paused = 0, leased = 0, committed = 0;
   std::int64_t working = 0, draining = 0, quarantined = 0, disconnected = 0, lost = 0, threads = 0;
 
-  void add(const Job& job) {
+  std::map<std::string, double> pool_waiting, pool_oldest, pool_threads;  // by pool
+  std::map<std::string, double> limit_units, limit_used;                  // by limit
+
+  void add(const Scheduler& scheduler, const Job& job, Time now) {
     ++jobs[static_cast<std::size_t>(job.state) - 1];
     if (has_ended(job.state)) return;
     const std::int64_t total = job.plan ? job.plan->unit_count() : job.unit_count;
@@ -22,12 +28,39 @@ struct Census {
     const std::int64_t in_flight = job.plan ? job.plan->in_flight_count() : 0;
     committed += done;
     leased += in_flight;
-    (job.state == JobState::paused ? paused : waiting) += total - done - in_flight;
+    const std::int64_t rest = total - done - in_flight;
+    if (job.state == JobState::paused) {
+      paused += rest;
+      return;
+    }
+    const std::int64_t open = leasable(job, rest);
+    waiting += open;
+    blocked += rest - open;
+    if (open == 0 || scheduler.limits().room(job.spec->limits) == 0) return;
+    const std::string pool = job.spec->pool.empty() ? kDefaultPool : job.spec->pool;
+    pool_waiting[pool] += static_cast<double>(open);
+    double& oldest = pool_oldest[pool];
+    if (job.waiting_since) oldest = std::max(oldest, seconds(now - *job.waiting_since));
+  }
+  /// Returns how many of the units that are not leased no other job blocks.
+  static std::int64_t leasable(const Job& job, std::int64_t rest) {
+    if (!job.is_runnable()) return 0;
+    if (job.plan) return job.plan->waiting_count();
+    const auto blocked_frames = static_cast<std::int64_t>(job.blocked_frames.size());
+    return rest - rest / std::max(job.frame_count, 1) * blocked_frames;
+  }
+  void add(const Limits& limits) {
+    for (const auto& [name, limit] : limits.all()) {
+      if (!limit.units) continue;
+      limit_units[name] = static_cast<double>(*limit.units);
+      limit_used[name] = static_cast<double>(limit.used);
+    }
   }
   void add(const Worker& worker) {
     if (worker.is_working()) {
       ++working;
       threads += worker.thread_count;
+      pool_threads[worker.pool] += worker.thread_count;
     } else if (worker.quarantined) {
       ++quarantined;
     } else if (worker.lost) {
@@ -45,7 +78,10 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
   Census census;
   {
     const FarmView view(parts_.farm);
-    for (const auto& [key, job] : view.scheduler().jobs()) census.add(job);
+    for (const auto& [key, job] : view.scheduler().jobs()) {
+      census.add(view.scheduler(), job, view.now());
+    }
+    census.add(view.scheduler().limits());
     for (const auto& [key, worker] : view.scheduler().workers()) census.add(worker);
   }
   const auto set = [](prometheus::Gauge& gauge, auto value) {
@@ -53,6 +89,7 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
   };
   for (std::size_t i = 0; i < census.jobs.size(); ++i) set(*metrics.jobs[i], census.jobs[i]);
   set(metrics.units.waiting, census.waiting);
+  set(metrics.units.blocked, census.blocked);
   set(metrics.units.paused, census.paused);
   set(metrics.units.leased, census.leased);
   set(metrics.units.committed, census.committed);
@@ -62,6 +99,17 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
   set(metrics.workers.disconnected, census.disconnected);
   set(metrics.workers.lost, census.lost);
   set(metrics.worker_threads, census.threads);
+  // A pool that has only workers, or only jobs, has all three.
+  for (const auto& [pool, count] : census.pool_threads) {
+    census.pool_waiting.try_emplace(pool, 0);
+    census.pool_oldest.try_emplace(pool, 0);
+  }
+  for (const auto& [pool, count] : census.pool_waiting) census.pool_threads.try_emplace(pool, 0);
+  metrics.pools.units_waiting.set(census.pool_waiting);
+  metrics.pools.oldest_wait_seconds.set(census.pool_oldest);
+  metrics.pools.worker_threads.set(census.pool_threads);
+  metrics.limits.units.set(census.limit_units);
+  metrics.limits.used_units.set(census.limit_used);
   set(metrics.ingest_bytes, parts_.budget.used_bytes());
   set(metrics.film_queue_length, parts_.finisher.tasks().size());
   set(metrics.film_bytes, parts_.finisher.films().cache().used_bytes());

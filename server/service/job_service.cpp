@@ -56,13 +56,14 @@ grpc::ServerUnaryReactor* JobService::CreateJob(grpc::CallbackServerContext* con
     if (!allowed.ok()) return finish(context, allowed);
   }
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  coordinator_.admission().create_job(*std::move(spec), [=](const auto& created) {
+  const auto answer = [=](const absl::StatusOr<JobAdmission::Created>& created) {
     if (created.ok()) {
       *response->mutable_job() = to_message(created->view);
       response->set_store_bytes(created->store_bytes);
     }
     reactor->Finish(contract::to_rpc(created.status()));
-  });
+  };
+  coordinator_.admission().create_job(*std::move(spec), answer, caller->visible_owner());
   return reactor;
 }
 
@@ -173,6 +174,23 @@ grpc::ServerUnaryReactor* JobService::ExtendJob(grpc::CallbackServerContext* con
   if (request->sample_count() != 0) extension.spp = request->sample_count();
   if (request->has_error_target()) extension.error = request->error_target();
   coordinator_.jobs().extend_job(request->job_id(), extension,
+                                 answer_with(reactor, response->mutable_job()));
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* JobService::UpdateJob(grpc::CallbackServerContext* context,
+                                                const v1::UpdateJobRequest* request,
+                                                v1::UpdateJobResponse* response) {
+  const auto caller = admit(*context, "JobService.UpdateJob", request->job_id());
+  if (!caller.ok()) return finish(context, caller.status());
+  const auto update = from_message(*request);
+  if (!update.ok()) return finish(context, update.status());
+  if (update->priority && !caller->visible_owner().empty()) {  // not an admin
+    const absl::Status allowed = coordinator_.admission().check_client_priority(*update->priority);
+    if (!allowed.ok()) return finish(context, allowed);
+  }
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  coordinator_.jobs().update_job(request->job_id(), *update,
                                  answer_with(reactor, response->mutable_job()));
   return reactor;
 }

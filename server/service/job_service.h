@@ -47,6 +47,9 @@ class JobService final : public v1::JobService::CallbackService {
   grpc::ServerUnaryReactor* ExtendJob(grpc::CallbackServerContext* context,
                                       const v1::ExtendJobRequest* request,
                                       v1::ExtendJobResponse* response) override;
+  grpc::ServerUnaryReactor* UpdateJob(grpc::CallbackServerContext* context,
+                                      const v1::UpdateJobRequest* request,
+                                      v1::UpdateJobResponse* response) override;
   grpc::ServerWriteReactor<v1::GetJobReportResponse>* GetJobReport(
       grpc::CallbackServerContext* context, const v1::GetJobReportRequest* request) override;
   grpc::ServerUnaryReactor* ListDeliveries(grpc::CallbackServerContext* context,

@@ -20,6 +20,7 @@
 #include "server/service/access/token.h"
 #include "server/service/access/worker_admission.h"
 #include "server/service/asset_service.h"
+#include "server/service/farm_service.h"
 #include "server/service/job_service.h"
 #include "server/service/worker_service.h"
 
@@ -112,7 +113,8 @@ class GrpcFarmServer final : public FarmServer {
         admission_(coordinator, std::move(endpoint.join_tokens)),
         jobs_(coordinator, access_),
         assets_(coordinator, access_),
-        workers_(coordinator, access_, admission_) {}
+        workers_(coordinator, access_, admission_),
+        farm_(coordinator, access_) {}
 
   ~GrpcFarmServer() override { stop(); }
 
@@ -139,6 +141,7 @@ class GrpcFarmServer final : public FarmServer {
     builder.RegisterService(&jobs_);
     builder.RegisterService(&assets_);
     builder.RegisterService(&workers_);
+    builder.RegisterService(&farm_);
     server_ = builder.BuildAndStart();
     if (!server_) {
       return absl::UnavailableError(absl::StrCat("cannot listen on ", address, ": is it in use?"));
@@ -169,6 +172,7 @@ class GrpcFarmServer final : public FarmServer {
   JobService jobs_;
   AssetService assets_;
   WorkerService workers_;
+  FarmService farm_;
   std::unique_ptr<AcceptGate> gate_;  // null on a Unix socket
   std::unique_ptr<grpc::Server> server_;
   std::string address_;

@@ -114,4 +114,15 @@ grpc::ServerUnaryReactor* WorkerService::AllowWorker(grpc::CallbackServerContext
   return reactor;
 }
 
+grpc::ServerUnaryReactor* WorkerService::MoveWorker(grpc::CallbackServerContext* context,
+                                                    const v1::MoveWorkerRequest* request,
+                                                    v1::MoveWorkerResponse* /*response*/) {
+  absl::Status status = access_.admit(*context, "WorkerService.MoveWorker").status();
+  if (status.ok() && !request->pool().empty()) status = check_name("pool", request->pool());
+  if (!status.ok()) return finish(context, status);
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  coordinator_.settings().move_worker(request->worker_id(), request->pool(), answer_with(reactor));
+  return reactor;
+}
+
 }  // namespace tessera::server

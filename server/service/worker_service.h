@@ -40,6 +40,9 @@ class WorkerService final : public v1::WorkerService::CallbackService {
   grpc::ServerUnaryReactor* AllowWorker(grpc::CallbackServerContext* context,
                                         const v1::AllowWorkerRequest* request,
                                         v1::AllowWorkerResponse* response) override;
+  grpc::ServerUnaryReactor* MoveWorker(grpc::CallbackServerContext* context,
+                                       const v1::MoveWorkerRequest* request,
+                                       v1::MoveWorkerResponse* response) override;
 
  private:
   Coordinator& coordinator_;

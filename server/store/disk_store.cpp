@@ -181,6 +181,17 @@ absl::StatusOr<std::vector<JobRecord>> DiskStore::jobs() const {
   return jobs;
 }
 
+absl::StatusOr<std::optional<std::int32_t>> DiskStore::removed_state(
+    const std::string& job_id) const {
+  std::optional<std::int32_t> state;
+  absl::Status status = journal_->read([&](Database& rows) {
+    return rows.each("SELECT state FROM jobs WHERE removed=1 AND id=?", {job_id},
+                     [&](const SqlRow& row) { state = static_cast<std::int32_t>(row.integer(0)); });
+  });
+  if (!status.ok()) return status;
+  return state;
+}
+
 absl::Status DiskStore::commit(std::vector<Commit>& group) {
   if (absl::Status healthy = files_.check_healthy(); !healthy.ok()) return healthy;
   if (group.empty()) return absl::OkStatus();

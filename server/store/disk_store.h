@@ -44,6 +44,8 @@ class DiskStore final : public Store {
   absl::Status update_job(const JobRecord& job) override;
   absl::Status remove_job(const std::string& job_id) override;
   absl::StatusOr<std::vector<JobRecord>> jobs() const override;
+  absl::StatusOr<std::optional<std::int32_t>> removed_state(
+      const std::string& job_id) const override;
 
   absl::Status commit(std::vector<Commit>& group) override;
   absl::Status for_each_unit(const std::string& job_id,
@@ -85,6 +87,9 @@ class DiskStore final : public Store {
   absl::Status record_join(const Join& join, std::int64_t max_joins) override;
   absl::Status remove_stale_joins(const std::vector<std::string>& valid,
                                   std::int64_t unseen_since_us) override;
+
+  absl::Status save_settings(SettingKind kind, const Settings& settings) override;
+  absl::StatusOr<Settings> settings(SettingKind kind) const override;
 
   std::int64_t asset_bytes() const override { return assets_->used_bytes(); }
   std::int64_t free_bytes() const override;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -66,6 +67,15 @@ struct Join {
   std::string token_id;
   std::string certificate;  // name in the worker's certificate
 };
+
+/// Which settings of the farm; the numbers are stored.
+enum class SettingKind : std::int32_t {
+  limit = 1,  // units, by limit
+  pool = 2,   // pool, by worker that an operator moved
+  use = 3     // CPU seconds that count in fair share, by owner
+};
+/// Settings of one kind, by name.
+using Settings = std::map<std::string, std::string>;
 
 /// A unit to commit, with its encoded block.
 struct Commit {
@@ -146,6 +156,9 @@ class Store {
   virtual absl::Status remove_job(const std::string& job_id) = 0;
   /// Returns all jobs in order of sequence.
   virtual absl::StatusOr<std::vector<JobRecord>> jobs() const = 0;
+  /// Returns the state (v1.Job.State) in which a job was removed; nullopt for any other job.
+  virtual absl::StatusOr<std::optional<std::int32_t>> removed_state(
+      const std::string& job_id) const = 0;
 
   /// Appends and commits units as one group, all or none; durable on return. Sets their locations.
   ///
@@ -233,6 +246,10 @@ class Store {
   /// `unseen_since_us`, except joins with a token in `valid`, which count towards its limit.
   virtual absl::Status remove_stale_joins(const std::vector<std::string>& valid,
                                           std::int64_t unseen_since_us) = 0;
+
+  /// Replaces all settings of a kind; durable on return.
+  virtual absl::Status save_settings(SettingKind kind, const Settings& settings) = 0;
+  virtual absl::StatusOr<Settings> settings(SettingKind kind) const = 0;
 
   /// Returns the disk space of published assets. Any thread.
   virtual std::int64_t asset_bytes() const = 0;

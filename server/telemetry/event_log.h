@@ -29,6 +29,8 @@ enum class EventKind : std::int32_t {
   worker_banned,
   worker_allowed,
   log_line,
+  job_changed,
+  worker_moved,
 };
 
 struct Event {

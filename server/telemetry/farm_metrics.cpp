@@ -55,7 +55,7 @@ FarmMetrics::Units unit_gauges(Registry& registry) {
   Family<Gauge>& family =
       gauges(registry, "tessera_units", "Units of unfinished jobs; waiting units are the queue");
   const auto add = [&](const char* state) -> Gauge& { return family.Add({{"state", state}}); };
-  return {add("waiting"), add("paused"), add("leased"), add("committed")};
+  return {add("waiting"), add("blocked"), add("paused"), add("leased"), add("committed")};
 }
 
 std::array<Gauge*, 6> job_gauges(Registry& registry) {
@@ -112,6 +112,18 @@ FarmMetrics::FarmMetrics()
       film_bytes(gauge(registry_, "tessera_film_bytes", "Merged tiles in memory")),
       film_queue_length(
           gauge(registry_, "tessera_film_queue_length", "Backlog of the film thread")),
-      store_bytes(gauge(registry_, "tessera_store_bytes", "Disk space of the store")) {}
+      store_bytes(gauge(registry_, "tessera_store_bytes", "Disk space of the store")),
+      pools{{gauges(registry_, "tessera_pool_units_waiting",
+                    "Units that a worker of the pool could be leased now"),
+             "pool"},
+            {gauges(registry_, "tessera_pool_oldest_wait_seconds",
+                    "Longest time that a job of the pool has had waiting units and no leased one"),
+             "pool"},
+            {gauges(registry_, "tessera_pool_worker_threads",
+                    "Threads of the working workers of the pool"),
+             "pool"}},
+      limits{{gauges(registry_, "tessera_limit_units", "Units of the limit"), "limit"},
+             {gauges(registry_, "tessera_limit_used_units", "Units of the limit that leases use"),
+              "limit"}} {}
 
 }  // namespace tessera::server

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "server/schedule/workers/worker.h"
+#include "server/telemetry/labelled_gauges.h"
 
 namespace tessera::server {
 
@@ -39,13 +40,22 @@ class FarmMetrics {
 
   // Set by the coordinator before each collection.
   struct Units {
-    prometheus::Gauge &waiting, &paused, &leased, &committed;
+    prometheus::Gauge &waiting, &blocked, &paused, &leased, &committed;
   } units;
   std::array<prometheus::Gauge*, 6> jobs;  // by JobState − 1
   struct Workers {
     prometheus::Gauge &working, &draining, &quarantined, &disconnected, &lost;
   } workers;  // disconnected: without a stream, before the timeout
   prometheus::Gauge &worker_threads, &ingest_bytes, &film_bytes, &film_queue_length, &store_bytes;
+
+  /// By pool: what a worker of it could be leased now, the longest time that a job of it has waited
+  /// for that, and the threads of its workers.
+  struct Pools {
+    LabelledGauges units_waiting, oldest_wait_seconds, worker_threads;
+  } pools;
+  struct LimitGauges {
+    LabelledGauges units, used_units;
+  } limits;  // by name
 
   prometheus::Counter& acknowledgement(AckStatus status) {
     return *acknowledgements[static_cast<std::size_t>(status) - 1];

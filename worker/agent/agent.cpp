@@ -238,6 +238,7 @@ class Agent {
     hello.set_isa(supervisor_.ready()->isa());
     hello.set_thread_count(options_.thread_count);
     for (const std::string& tag : options_.tags) hello.add_tags(tag);
+    hello.set_pool(options_.pool);
     return hello;
   }
 

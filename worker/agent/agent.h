@@ -19,6 +19,7 @@ struct AgentOptions {
   std::string worker_id;  // empty: random
   std::string name;       // display name; empty: the host name
   std::vector<std::string> tags;
+  std::string pool;  // empty: the default one
   int thread_count = 1;
   std::string cache_folder;  // directory of the asset cache
   std::int64_t cache_bytes = 20'000'000'000;

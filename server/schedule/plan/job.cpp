@@ -77,8 +77,18 @@ JobPlan& Job::open_plan() {
     const contract::RenderSettings& settings = spec->settings;
     plan.emplace(contract::frame_list(settings.frames), contract::tile_count(settings),
                  contract::schedule(settings), settings.error.has_value());
+    for (const std::int32_t frame : blocked_frames) plan->hold_back(frame, true);
   }
   return *plan;
+}
+
+void Job::block_frame(std::int32_t frame, bool is_frame_blocked) {
+  if (is_frame_blocked) {
+    blocked_frames.insert(frame);
+  } else {
+    blocked_frames.erase(frame);
+  }
+  if (plan) plan->hold_back(frame, is_frame_blocked);
 }
 
 }  // namespace tessera::server

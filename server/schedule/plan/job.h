@@ -94,13 +94,16 @@ struct Job {
   JobKey key = 0;
   std::shared_ptr<const JobSpec> spec;  // owners: the job and its current readers
   SceneKey scene;
+  std::string requirement;  // JobSpec::requirement()
   JobState state = JobState::queued;
   Demand demand = {};  // set by Scheduler::set_demand()
   std::string reason;
   absl::StatusCode failure_code = absl::StatusCode::kOk;  // of a failed job
   std::int64_t unit_count = 0;                            // of the whole job
   std::int32_t frame_count = 0;
-  std::optional<JobPlan> plan;  // created by the first lease
+  std::optional<JobPlan> plan;            // created by the first lease
+  bool is_blocked = false;                // by another job: none of its units may be leased
+  std::set<std::int32_t> blocked_frames;  // each by the same frame of another job
   std::map<contract::Unit, UnitFailures> unit_failures;
   /// By frame: reports that its scene is at fault, at most one by each witness.
   std::map<std::int32_t, std::vector<Failure>> scene_faults;
@@ -113,22 +116,28 @@ struct Job {
   std::set<WorkerKey> ever_leased_to;         // workers that were ever leased units of it
   std::map<std::string, Contribution> contributions;
   UnitTimes times;
-  double leased_seconds = 0;  // expected CPU seconds of the units in flight
+  std::int64_t lease_count = 0;  // leases of units and audits, which count against its limits
+  double leased_seconds = 0;     // expected CPU seconds of the units in flight
   JobCounters counters;
   double wall_seconds_before = 0;  // running time before `running_since`
   std::optional<Time> running_since;
+  std::optional<Time> waiting_since;  // since when units could be leased and none is
   std::int64_t create_time_us = 0, end_time_us = 0;
 
   double wall_seconds(Time now) const {
     return wall_seconds_before + (running_since ? seconds(now - *running_since) : 0);
   }
-  /// Returns whether units could be leased: the job is active and units are waiting.
+  /// Returns whether units could be leased: the job is active and units are waiting, which no other
+  /// job blocks.
   bool is_runnable() const {
-    return (state == JobState::queued || state == JobState::running) &&
-           (!plan || plan->waiting_count() > 0);
+    if (is_blocked || (state != JobState::queued && state != JobState::running)) return false;
+    if (plan) return plan->waiting_count() > 0;
+    return blocked_frames.size() < static_cast<std::size_t>(frame_count);
   }
   /// Creates the plan if there is none.
   JobPlan& open_plan();
+  /// Blocks a frame, or lets its units be leased.
+  void block_frame(std::int32_t frame, bool is_frame_blocked);
 };
 
 }  // namespace tessera::server

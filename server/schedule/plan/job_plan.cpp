@@ -1,6 +1,8 @@
 #include "server/schedule/plan/job_plan.h"
 
 #include <algorithm>
+#include <iterator>
+#include <limits>
 #include <utility>
 
 namespace tessera::server {
@@ -82,7 +84,7 @@ void JobPlan::advance_cursor() {
 
 void JobPlan::skip_taken() {
   while (!cursor_at_end()) {
-    if (finished_[cursor_frame_]) {
+    if (finished_[cursor_frame_] || is_held_back(frames_[cursor_frame_])) {
       ++cursor_frame_;
       cursor_pass_ = cursor_tile_ = 0;
     } else if (is_taken(at_cursor())) {
@@ -106,9 +108,16 @@ Run JobPlan::extend_run(const Unit& first, std::int32_t max_tiles,
 
 std::optional<Run> JobPlan::next_run(std::int32_t max_tiles,
                                      const std::function<bool(const Unit&)>& may_take) {
-  for (const auto& [frame, pass, tile] : returned_) {
+  constexpr auto kLast = std::numeric_limits<std::int32_t>::max();
+  for (auto it = returned_.begin(); it != returned_.end();) {
+    const auto& [frame, pass, tile] = *it;
+    if (is_held_back(frame)) {
+      it = returned_.upper_bound({frame, kLast, kLast});
+      continue;
+    }
     const Unit unit{frame, tile, pass};
     if (may_take(unit)) return extend_run(unit, max_tiles, may_take);
+    ++it;
   }
   for (skip_taken(); !cursor_at_end(); skip_taken()) {
     const Unit unit = at_cursor();
@@ -117,6 +126,43 @@ std::optional<Run> JobPlan::next_run(std::int32_t max_tiles,
     advance_cursor();
   }
   return std::nullopt;
+}
+
+/// Returns the number of units of the frame that are neither committed nor in flight.
+std::int64_t JobPlan::waiting_of(std::int32_t frame) const {
+  if (is_finished(frame)) return 0;
+  std::int64_t count = std::int64_t{tile_count_} * first_passes();
+  if (const auto found = open_.find(frame); found != open_.end()) {
+    if (found->second.wanted_count > 0) count = found->second.wanted_count;
+    count -= found->second.count;
+  }
+  constexpr auto kLast = std::numeric_limits<std::int32_t>::max();
+  const auto first = in_flight_.lower_bound({frame, 0, 0});
+  return count - std::distance(first, in_flight_.upper_bound({frame, kLast, kLast}));
+}
+
+/// Call after the units of a frame have changed. Cost: only for a frame that is held back.
+void JobPlan::recount(std::int32_t frame) {
+  const auto held = held_back_.find(frame);
+  if (held == held_back_.end()) return;
+  held_back_count_ -= held->second;
+  held->second = waiting_of(frame);
+  held_back_count_ += held->second;
+}
+
+void JobPlan::hold_back(std::int32_t frame, bool is_held_back) {
+  if (is_held_back) {
+    held_back_.try_emplace(frame, 0);
+    return recount(frame);
+  }
+  const auto held = held_back_.find(frame);
+  if (held == held_back_.end()) return;
+  held_back_count_ -= held->second;
+  held_back_.erase(held);
+  const std::size_t index = index_of(frame);
+  if (index > cursor_frame_) return;
+  cursor_frame_ = index;  // it was passed over
+  cursor_pass_ = cursor_tile_ = 0;
 }
 
 JobPlan::FrameBits& JobPlan::open_frame(std::int32_t frame) {
@@ -144,6 +190,7 @@ void JobPlan::set_pass_target(std::int32_t frame, std::int32_t tile, std::int32_
     bits.is_final[static_cast<std::size_t>(tile)] = true;
     ++bits.final_count;
   }
+  recount(frame);
 }
 
 /// A unit with a valid seal was planned, even if the film has not repeated that since a restart.
@@ -155,6 +202,7 @@ void JobPlan::hold(const Unit& unit, const Holder& holder) {
   include_in_targets(unit);
   returned_.erase(position(unit));
   in_flight_[unit].holders.push_back(holder);
+  recount(unit.frame);
 }
 
 std::optional<Holder> JobPlan::release(const Unit& unit, WorkerKey worker) {
@@ -169,6 +217,7 @@ std::optional<Holder> JobPlan::release(const Unit& unit, WorkerKey worker) {
   if (holders.empty()) {
     in_flight_.erase(found);
     returned_.insert(position(unit));
+    recount(unit.frame);
   }
   return released;
 }
@@ -182,10 +231,12 @@ std::vector<Holder> JobPlan::commit(const Unit& unit) {
   ++frame.count;
   ++committed_count_;
   returned_.erase(position(unit));
-  const auto found = in_flight_.find(unit);
-  if (found == in_flight_.end()) return {};
-  std::vector<Holder> holders = std::move(found->second.holders);
-  in_flight_.erase(found);
+  std::vector<Holder> holders;
+  if (const auto found = in_flight_.find(unit); found != in_flight_.end()) {
+    holders = std::move(found->second.holders);
+    in_flight_.erase(found);
+  }
+  recount(unit.frame);
   return holders;
 }
 
@@ -197,6 +248,7 @@ void JobPlan::redo(const Unit& unit) {
   --found->second.count;
   --committed_count_;
   returned_.insert(position(unit));
+  recount(unit.frame);
 }
 
 std::vector<std::pair<Unit, Holder>> JobPlan::reset_pass_targets(std::int32_t frame) {
@@ -229,6 +281,7 @@ std::vector<std::pair<Unit, Holder>> JobPlan::reset_pass_targets(std::int32_t fr
   bits.wanted_count = 0;
   bits.final_count = 0;
   open_frame(frame);
+  recount(frame);
   return gone;
 }
 
@@ -247,6 +300,7 @@ void JobPlan::finish(std::int32_t frame, std::optional<std::int64_t> unit_count)
   const std::int64_t had = unit_count.value_or(wanted);
   unit_count_ += had - wanted;
   committed_count_ += had - counted;
+  recount(frame);
 }
 
 /// Units that are committed or in flight were planned.
@@ -300,6 +354,7 @@ std::vector<std::pair<Unit, Holder>> JobPlan::extend(std::vector<contract::Pass>
   if (is_adaptive_) plan_known_passes();
   cursor_frame_ = 0;
   cursor_pass_ = cursor_tile_ = 0;
+  for (const auto& [frame, waiting] : held_back_) recount(frame);
   return gone;
 }
 

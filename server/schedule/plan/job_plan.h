@@ -61,8 +61,10 @@ class JobPlan {
   std::int64_t committed_count() const { return committed_count_; }
   bool is_adaptive() const { return is_adaptive_; }
   std::int64_t in_flight_count() const { return static_cast<std::int64_t>(in_flight_.size()); }
-  /// Units that are neither committed nor in flight.
-  std::int64_t waiting_count() const { return unit_count() - committed_count_ - in_flight_count(); }
+  /// Units that may be leased: neither committed nor in flight nor of a frame that is held back.
+  std::int64_t waiting_count() const {
+    return unit_count() - committed_count_ - in_flight_count() - held_back_count_;
+  }
   std::int32_t frame_count() const { return static_cast<std::int32_t>(frames_.size()); }
   std::int32_t finished_frame_count() const { return finished_count_; }
   std::int32_t tile_count() const { return tile_count_; }
@@ -83,6 +85,11 @@ class JobPlan {
   /// Idempotent. Requires a tile of an unfinished frame.
   void set_pass_target(std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
                        bool is_final);
+
+  /// Keeps the units of a frame from being leased, or lets them be leased again. Units in flight
+  /// still commit. Requires a frame of the job.
+  void hold_back(std::int32_t frame, bool is_held_back);
+  bool is_held_back(std::int32_t frame) const { return held_back_.count(frame) > 0; }
 
   /// Returns the next run of at most `max_tiles` waiting units that `may_take` accepts, nullopt if
   /// there is none. Does not change the plan: call hold() for each unit.
@@ -131,6 +138,8 @@ class JobPlan {
     return {unit.frame, unit.pass, unit.tile};
   }
   std::size_t index_of(std::int32_t frame) const;
+  std::int64_t waiting_of(std::int32_t frame) const;
+  void recount(std::int32_t frame);
   bool is_taken(const contract::Unit& unit) const;
   bool is_waiting(const contract::Unit& unit) const;
   FrameBits& open_frame(std::int32_t frame);
@@ -156,6 +165,8 @@ class JobPlan {
   std::size_t cursor_frame_ = 0;
   std::int32_t cursor_pass_ = 0, cursor_tile_ = 0;  // everything before the cursor has been visited
   std::int64_t committed_count_ = 0;
+  std::map<std::int32_t, std::int64_t> held_back_;  // frames, and their units that would wait
+  std::int64_t held_back_count_ = 0;                // the sum
 };
 
 }  // namespace tessera::server

@@ -50,6 +50,33 @@ struct ManifestEntry {
   std::int64_t size_bytes = 0;
 };
 
+/// A job that must make progress before another one is leased.
+struct Dependency {
+  enum class Kind : std::int32_t {  // numbers as in v1.JobDependency.Kind
+    success = 1,                    // until it is DONE
+    end = 2,                        // until it has ended, or is removed
+    frames = 3                      // each frame, until the frame of the same number is finished
+  };
+  std::string job_id;
+  Kind kind = Kind::success;
+};
+
+/// Units of a named limit that each unit of work takes while it is leased.
+struct LimitUse {
+  std::string limit;
+  std::int32_t units = 1;
+  auto operator<=>(const LimitUse&) const = default;
+};
+
+/// The pool of workers and jobs that name none.
+inline constexpr char kDefaultPool[] = "default";
+
+/// Returns the name under which workers of a pool with a tag are counted, and jobs that require
+/// both wait; an empty tag stands for any worker of the pool. Pools and tags have no newline.
+inline std::string requirement(const std::string& pool, const std::string& tag) {
+  return (pool.empty() ? kDefaultPool : pool) + "\n" + tag;
+}
+
 /// A job as submitted. Plain data, constant after creation except for `extend`.
 struct JobSpec {
   std::string id;
@@ -59,6 +86,9 @@ struct JobSpec {
   std::int32_t priority = 0;     // higher first
   std::int32_t max_workers = 0;  // 0: unlimited
   std::string required_tag;      // empty: none
+  std::string pool;              // whose workers render it; empty: kDefaultPool
+  std::vector<LimitUse> limits;  // sorted, each limit once
+  std::vector<Dependency> after;
   contract::RenderSettings settings;
   std::string scene_uri;
   std::vector<ManifestEntry> assets;
@@ -68,6 +98,8 @@ struct JobSpec {
   /// Contract of its blocks; all blocks of a job have the same one.
   std::int32_t render_contract = contract::kRenderContract;
 
+  /// Returns what a worker must serve to render the job; see requirement().
+  std::string requirement() const { return server::requirement(pool, required_tag); }
   /// Returns the assets that the store must keep for the job: manifest and references.
   std::vector<contract::Digest> asset_digests() const;
 };

@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -12,7 +13,9 @@
 #include "absl/status/status.h"
 #include "server/schedule/plan/job.h"
 #include "server/schedule/queue/audit_queue.h"
+#include "server/schedule/queue/dependencies.h"
 #include "server/schedule/queue/job_queue.h"
+#include "server/schedule/queue/limits.h"
 #include "server/schedule/workers/farm_census.h"
 #include "server/schedule/workers/worker.h"
 
@@ -59,9 +62,12 @@ struct Effects {
 /// Why an active job is leased nothing.
 enum class WaitReason : std::uint8_t {
   none,          // it is being rendered, or nothing of it is waiting
+  dependency,    // another job must make progress first
   no_workers,    // no worker at all
-  no_tag,        // no worker with the required tag
+  no_pool,       // no worker in the pool
+  no_tag,        // no worker in the pool with the required tag
   restart,       // after a restart, workers that hold leases may come back
+  limit,         // all units of a limit are in use
   priority,      // jobs of higher priority go first
   share,         // an owner who has used less goes first
   older_job,     // an older job of the same owner goes first
@@ -95,6 +101,8 @@ class Scheduler {
   /// Counts a unit of the journal as committed, without effects.
   void restore_unit(Job& job, const contract::Unit& unit, const std::string& worker_id,
                     double cpu_seconds);
+  /// Marks a frame of the journal finished, without effects. See JobPlan::finish().
+  void restore_frame(Job& job, std::int32_t frame, std::optional<std::int64_t> unit_count = {});
   /// Counts a worker's share of frames that are finished.
   void restore_contribution(Job& job, const std::string& worker_id, const Contribution& done);
   /// Stops leasing units of the job. Errors: FailedPrecondition, the job has ended.
@@ -112,6 +120,15 @@ class Scheduler {
   /// Changes to a longer schedule; `spec` has the new settings. The caller restores finished
   /// frames.
   void extend(Job& job, std::shared_ptr<const JobSpec> spec);
+  /// Changes priority, requirements, limits and dependencies; `spec` has the new ones and the same
+  /// settings. Units already leased are rendered.
+  void change(Job& job, std::shared_ptr<const JobSpec> spec, Time now);
+  /// Notes that a job was removed in this state, and fails the jobs that can never be leased for
+  /// that reason. For jobs removed before a restart.
+  void note_removed(const std::string& job_id, JobState state);
+  /// Returns whether all dependencies can still be met. Errors: FailedPrecondition, a job that had
+  /// to be DONE first was removed before it was.
+  absl::Status check_possible(const Job& job) const;
   /// Leases waiting units to workers with credits. Call after add_job and extend.
   void offer_work(Time now) { dispatch_all(now); }
   /// Removes an ended job.
@@ -126,9 +143,17 @@ class Scheduler {
   /// Returns the sum over the owner's unfinished jobs. Cost: one look-up.
   Demand demand(const std::string& owner) const;
 
+  // Limits ---------------------------------------------------------------------------------------
+  /// Units of named limits, and how many are in use.
+  const Limits& limits() const { return limits_; }
+  void set_limit(const std::string& name, std::int64_t units, Time now);
+  /// Returns whether the limit existed.
+  bool remove_limit(const std::string& name, Time now);
+
   // Fair share -----------------------------------------------------------------------------------
-  /// Returns every owner's use that has not faded, for restore_usage() after a restart.
-  std::vector<UsageRow> usage(Time now) const { return queue_.share().table(now); }
+  /// Returns what every owner has used and has not faded, without units in flight, for
+  /// restore_usage() after a restart: workers that come back are charged again for those.
+  std::vector<UsageRow> usage(Time now) const;
   void restore_usage(const std::vector<UsageRow>& table, Time now) { queue_.restore(table, now); }
 
   // Workers --------------------------------------------------------------------------------------
@@ -213,6 +238,11 @@ class Scheduler {
   /// Lifts the ban or quarantine of a worker and of its certificate. Returns whether the worker is
   /// known or had one.
   bool allow(const std::string& worker_id, Time now);
+  /// Moves a worker, present or not, to a pool; "": to the one that it names itself. It returns
+  /// units that it has not started.
+  void move(const std::string& worker_id, const std::string& pool, Time now);
+  /// Pools that operators moved workers to, by worker.
+  const std::map<std::string, std::string>& moved() const { return moved_; }
 
   // Time -----------------------------------------------------------------------------------------
   /// Call about every `period`: expires silent workers, ends the restart grace, balances the last
@@ -232,8 +262,28 @@ class Scheduler {
     std::int32_t disproved = 0;     // units that they failed and another witness rendered
   };
 
+  /// Queued jobs with the same requirement and the same limits, which are leased nothing together.
+  struct LimitedQueue {
+    std::string requirement;
+    std::vector<LimitUse> limits;
+    std::int64_t jobs = 0;
+  };
+
   void advance(Time now);
+  static std::string queue_name(const Job& job);
   static JobQueue::QueueKey queue_key(const Job& job);
+  Names queues_for(const Worker& worker) const;
+  void count_limited(const Job& job, int sign);
+  bool has_limited_work() const;
+  void take_limits(Job& job);
+  void give_back_limits(Job& job);
+  DependencyState state_of(const Dependency& dependency) const;
+  bool is_frame_blocked(const Job& job, std::int32_t frame) const;
+  void check_dependencies(Job& job);
+  void check_dependents(const Job& job);
+  void check_dependents(const Job& job, std::int32_t frame);
+  std::string dependency_text(const Job& job) const;
+  absl::Status verify_limits() const;
   static bool is_full(const Job& job);
   void refresh(Job& job);
   void count_demand(const Job& job, int sign);
@@ -245,6 +295,7 @@ class Scheduler {
   void lose_unit(Job& job, Worker& worker, const contract::Unit& unit, Time now);
   void mark_lost(Worker& worker, Time now);
   void forget(Worker& worker);
+  void set_pool(Worker& worker);
   void set_witness(Worker& worker, std::string witness);
   void forget_witness(Worker& worker);
   void adopt(Worker& worker, const Hello& hello, Time now);
@@ -327,7 +378,11 @@ class Scheduler {
   std::set<JobKey> full_;    // with waiting units and their maximum of workers: not in queue_, as
                              // only their present workers may take more
   JobQueue queue_;
-  std::map<std::string, Demand> demands_;  // of unfinished jobs, by owner
+  Dependencies dependencies_;
+  Limits limits_;
+  std::map<std::string, LimitedQueue> limited_;  // queues of jobs with limits, by queue_name()
+  std::map<std::string, std::string> moved_;     // pool, by worker
+  std::map<std::string, Demand> demands_;        // of unfinished jobs, by owner
   std::map<WorkerKey, Worker> workers_;
   std::map<std::string, WorkerKey> worker_by_id_;
   std::map<std::string, std::set<WorkerKey>> workers_by_witness_;

@@ -17,8 +17,7 @@ constexpr int kAuditChecksPerTick = 64;  // audits checked per tick for having n
 
 /// Returns whether the worker could be leased units of the job, apart from its current load.
 bool Scheduler::could_audit(const Worker& worker, const Job& job) const {
-  const std::string& tag = job.spec->required_tag;
-  return worker.is_present && (tag.empty() || worker.tags.count(tag) > 0);
+  return worker.is_present && worker.serves.count(job.requirement) > 0;
 }
 
 bool Scheduler::wants_audit(const Job& job, const Unit& unit, const std::string& worker_id) {
@@ -27,7 +26,7 @@ bool Scheduler::wants_audit(const Job& job, const Unit& unit, const std::string&
   const double fraction = policy_.audit_fraction;
   const bool is_drawn = (is_first && fraction > 0) ||
                         is_drawn_for_audit(identity_.store_key, job.spec->id, unit, fraction);
-  return is_drawn && present_.has_witness_beyond(job.spec->required_tag, {witness_of(worker_id)});
+  return is_drawn && present_.has_witness_beyond(job.requirement, {witness_of(worker_id)});
 }
 
 void Scheduler::open_audit(Job& job, const Unit& unit, const std::string& worker_id,
@@ -40,12 +39,12 @@ void Scheduler::open_audit(Job& job, const Unit& unit, const std::string& worker
 /// Lets an audit without a holder wait for a worker, unless its job is paused.
 void Scheduler::await_worker(Job& job, const Unit& unit, Audit& audit) {
   if (job.state == JobState::paused || has_ended(job.state)) return;
-  waiting_audits_.insert(job.spec->required_tag, {job.key, unit}, audit);
+  waiting_audits_.insert(job.requirement, {job.key, unit}, audit);
   work_appeared_ = true;
 }
 
 void Scheduler::stop_waiting(Job& job, const Unit& unit, Audit& audit) {
-  waiting_audits_.erase(job.spec->required_tag, {job.key, unit}, audit);
+  waiting_audits_.erase(job.requirement, {job.key, unit}, audit);
 }
 
 bool Scheduler::has_audits(const Job& job, std::int32_t frame) const {
@@ -58,7 +57,7 @@ bool Scheduler::has_audits(const Job& job, std::int32_t frame) const {
 /// worker was lost recently: it may return, and a dispute between two consistent workers fails the
 /// job.
 bool Scheduler::has_others(const Job& job, const Audit& audit) const {
-  if (present_.has_witness_beyond(job.spec->required_tag, audit.witnesses())) return true;
+  if (present_.has_witness_beyond(job.requirement, audit.witnesses())) return true;
   if (!audit.is_disputed() || !last_tick_) return false;
   return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
     const Worker& worker = entry.second;
@@ -76,7 +75,7 @@ bool Scheduler::may_audit(const Worker& worker, const Job& job, const Audit& aud
       !audit.may_ask(worker.witness, has_others(job, audit))) {
     return false;
   }
-  const FarmCensus::Count* count = working_.find(job.spec->required_tag);
+  const FarmCensus::Count* count = working_.find(job.requirement);
   if (audit.is_disputed() || count == nullptr || count->hosts.size() < 2) return true;
   const auto committer = worker_by_id_.find(audit.committer());  // on another host if possible
   return committer == worker_by_id_.end() || workers_.at(committer->second).host != worker.host;
@@ -84,13 +83,10 @@ bool Scheduler::may_audit(const Worker& worker, const Job& job, const Audit& aud
 
 bool Scheduler::lease_audit(Worker& worker) {
   if (waiting_audits_.empty()) return false;
-  const auto lease_of_tag = [&](const std::string& tag) {
+  return std::any_of(worker.serves.begin(), worker.serves.end(), [&](const std::string& tag) {
     const AuditQueue::Groups* groups = waiting_audits_.find(tag);
     return groups != nullptr && lease_audit_of(*groups, worker);
-  };
-  if (lease_of_tag("")) return true;
-  return std::any_of(worker.tags.begin(), worker.tags.end(),
-                     [&](const std::string& tag) { return !tag.empty() && lease_of_tag(tag); });
+  });
 }
 
 bool Scheduler::lease_audit_of(const AuditQueue::Groups& groups, Worker& worker) {
@@ -99,6 +95,7 @@ bool Scheduler::lease_audit_of(const AuditQueue::Groups& groups, Worker& worker)
       ++step_count_;
       Job& job = jobs_.at(key);
       Audit& audit = job.audits.at(unit);
+      if (limits_.room(job.spec->limits) == 0) continue;
       if (may_audit(worker, job, audit)) {
         lease_audit(job, unit, audit, worker);
         return true;
@@ -117,6 +114,7 @@ void Scheduler::lease_audit(Job& job, const Unit& audited, Audit& audit, Worker&
   worker.leased_units.emplace(job.key, unit);
   worker.leased_jobs.insert(job.key);
   job.ever_leased_to.insert(worker.key);
+  take_limits(job);
   stop_waiting(job, unit, audit);
   send_lease(worker, lease);
 }
@@ -129,6 +127,7 @@ bool Scheduler::release_audit(Job& job, Worker& worker, const Unit& unit) {
   }
   audit->second.holder.reset();
   worker.leased_units.erase({job.key, unit});
+  give_back_limits(job);
   update_idle(worker);
   await_worker(job, unit, audit->second);
   return true;
@@ -189,6 +188,7 @@ void Scheduler::take_from_holder(Job& job, const Unit& unit, const Audit& audit)
   if (!audit.holder) return;
   Worker* worker = find_worker(audit.holder->worker);
   if (worker == nullptr || worker->leased_units.erase({job.key, unit}) == 0) return;
+  give_back_limits(job);
   update_idle(*worker);
   revoke(*worker, job, unit);
 }
@@ -219,9 +219,9 @@ void Scheduler::drop_audits(Job& job) {
 /// Returns whether a worker that is present could answer the audit.
 bool Scheduler::has_candidate(const Job& job, const Audit& audit) const {
   const Names asked = audit.witnesses();
-  if (present_.has_witness_beyond(job.spec->required_tag, asked)) return true;
+  if (present_.has_witness_beyond(job.requirement, asked)) return true;
   if (!audit.is_disputed() || has_others(job, audit)) return false;
-  const FarmCensus::Count* count = present_.find(job.spec->required_tag);
+  const FarmCensus::Count* count = present_.find(job.requirement);
   return count != nullptr && std::any_of(asked.begin(), asked.end(), [&](const std::string& name) {
            return count->witnesses.count(name) > 0 && audit.may_ask(name, false);
          });

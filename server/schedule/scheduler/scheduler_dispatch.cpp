@@ -11,7 +11,7 @@ using contract::Unit;
 
 bool Scheduler::may_work_for(const Worker& worker, const Job& job) const {
   const JobSpec& spec = *job.spec;
-  if (!spec.required_tag.empty() && worker.tags.count(spec.required_tag) == 0) return false;
+  if (worker.serves.count(job.requirement) == 0 || limits_.room(spec.limits) == 0) return false;
   return spec.max_workers == 0 || job.holders.count(worker.key) > 0 ||
          static_cast<std::int32_t>(job.holders.size()) < spec.max_workers;
 }
@@ -68,7 +68,8 @@ JobKey Scheduler::next_full_job(const Worker& worker,
 /// Returns the next job of the queue or, if another worker serves that one, a job of the same owner
 /// and priority whose scene this worker has.
 JobKey Scheduler::next_job(const Worker& worker, const std::function<bool(JobKey)>& may) {
-  const JobQueue::Seeker seeker{worker.tags, may};
+  const Names queues = queues_for(worker);
+  const JobQueue::Seeker seeker{queues, may};
   const JobKey next = queue_.next(seeker, now_);
   const JobKey full = next_full_job(worker, may);
   if (next == 0) return full;
@@ -97,7 +98,8 @@ JobKey Scheduler::choose_job(const Worker& worker, const std::set<JobKey>& refus
   if (current == nullptr) return next_job(worker, may);
   const bool has_paid_off =
       worker.load_seconds && worker.seconds_in_job >= policy_.load_factor * *worker.load_seconds;
-  const JobQueue::Seeker seeker{worker.tags, may};
+  const Names queues = queues_for(worker);
+  const JobQueue::Seeker seeker{queues, may};
   if (!has_paid_off && !queue_.has_above(current->spec->priority, seeker, now_)) {
     return current->key;
   }
@@ -110,7 +112,7 @@ JobKey Scheduler::choose_job(const Worker& worker, const std::set<JobKey>& refus
 }
 
 std::int32_t Scheduler::run_length(const Job& job, const Worker& worker) const {
-  const std::int64_t threads = working_.threads(job.spec->required_tag);
+  const std::int64_t threads = working_.threads(job.requirement);
   const std::int64_t waiting = job.plan->waiting_count();
   const std::int64_t open = waiting + job.plan->in_flight_count();
   const std::int64_t length = std::max<std::int64_t>(waiting / (2 * threads), 1);
@@ -118,8 +120,8 @@ std::int32_t Scheduler::run_length(const Job& job, const Worker& worker) const {
   const std::int64_t share = (open * worker.thread_count + threads - 1) / threads;
   const auto leased = job.holders.find(worker.key);
   const std::int64_t room = share - (leased == job.holders.end() ? 0 : leased->second);
-  return static_cast<std::int32_t>(
-      std::min({static_cast<std::int64_t>(worker.credits), length, room}));
+  return static_cast<std::int32_t>(std::min(
+      {static_cast<std::int64_t>(worker.credits), length, room, limits_.room(job.spec->limits)}));
 }
 
 Lease Scheduler::make_lease(const Job& job, const Worker& worker, const Run& run) {
@@ -177,7 +179,7 @@ bool Scheduler::lease_run(Job& job, Worker& worker, Time now) {
 /// Returns whether a worker with credits could be leased something.
 bool Scheduler::has_work() const {
   if (idle_.empty()) return false;
-  if (!full_.empty() || queue_.has_any(idle_tags_)) return true;
+  if (!full_.empty() || queue_.has_any(idle_tags_) || has_limited_work()) return true;
   const auto& by_tag = waiting_audits_.by_tag();
   return std::any_of(by_tag.begin(), by_tag.end(),
                      [this](const auto& tag) { return idle_tags_.count(tag.first) > 0; });

@@ -49,13 +49,13 @@ void add_fault(std::vector<Failure>& faults, const Failure& failure) {
 /// restart, or after a loss of its connection. Otherwise one worker could fail a job while the
 /// others are away for a moment.
 bool Scheduler::has_others(const Job& job, const Names& asked) const {
-  const std::string& tag = job.spec->required_tag;
+  const std::string& tag = job.requirement;
   if (present_.has_witness_beyond(tag, asked)) return true;
   if (!missing_workers_.empty() && now_ < grace_ends_) return true;
   return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
     const Worker& worker = entry.second;
     return worker.lost && !worker.draining && !worker.quarantined &&
-           asked.count(worker.witness) == 0 && (tag.empty() || worker.tags.count(tag) > 0) &&
+           asked.count(worker.witness) == 0 && worker.serves.count(tag) > 0 &&
            now_ - worker.last_contact < policy_.audit_timeout;
   });
 }

@@ -41,6 +41,7 @@ Job& Scheduler::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobStat
   job_by_id_[spec->id] = key;
   job.spec = std::move(spec);
   job.scene = scene_key(*job.spec);
+  job.requirement = job.spec->requirement();
   JobPlan& plan = job.open_plan();
   job.unit_count = plan.unit_count();
   job.frame_count = plan.frame_count();
@@ -48,6 +49,8 @@ Job& Scheduler::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobStat
   if (state == JobState::running) job.open_plan();
   job.demand = {1, 0, 0};
   if (!has_ended(state)) count_demand(job, 1);
+  dependencies_.add(key, job.spec->after);
+  check_dependencies(job);
   refresh(job);
   return job;
 }
@@ -69,6 +72,12 @@ void Scheduler::restore_unit(Job& job, const Unit& unit, const std::string& work
   if (!plan.is_finished(unit.frame) && !plan.is_committed(unit)) plan.commit(unit);
   restore_contribution(job, worker_id, {1, cpu_seconds});
   job.times.add(cpu_seconds, plan.passes()[static_cast<std::size_t>(unit.pass)].sample_count);
+  refresh(job);
+}
+
+void Scheduler::restore_frame(Job& job, std::int32_t frame,
+                              std::optional<std::int64_t> unit_count) {
+  job.open_plan().finish(frame, unit_count);
   refresh(job);
 }
 
@@ -100,7 +109,7 @@ Demand Scheduler::demand(const std::string& owner) const {
 }
 
 JobQueue::QueueKey Scheduler::queue_key(const Job& job) {
-  return {job.spec->priority, job.spec->owner, job.scene, job.spec->required_tag};
+  return {job.spec->priority, job.spec->owner, job.scene, queue_name(job)};
 }
 
 /// Returns whether the job has its maximum of workers.
@@ -117,10 +126,12 @@ void Scheduler::refresh(Job& job) {
   const bool is_queued = queued_.count(job.key) > 0;
   if (belongs_in_queue && !is_queued) {
     queued_.insert(job.key);
-    queue_.insert(job.key, queue_key(job), now_, working_.threads(job.spec->required_tag));
+    queue_.insert(job.key, queue_key(job), now_, working_.threads(job.requirement));
+    count_limited(job, 1);
   } else if (!belongs_in_queue && is_queued) {
     queued_.erase(job.key);
     queue_.erase(job.key, queue_key(job));
+    count_limited(job, -1);
   }
   const auto note = [&](std::set<JobKey>& jobs, bool belongs) {
     if (belongs) {
@@ -133,6 +144,11 @@ void Scheduler::refresh(Job& job) {
   note(tail_, job.state == JobState::running && !is_runnable && job.plan &&
                   job.plan->in_flight_count() > 0);
   if (is_runnable) work_appeared_ = true;
+  if (!is_runnable || !job.holders.empty()) {
+    job.waiting_since.reset();
+  } else if (!job.waiting_since) {
+    job.waiting_since = now_;
+  }
 }
 
 void Scheduler::set_state(Job& job, JobState state, const std::string& reason, Time now) {
@@ -159,6 +175,7 @@ void Scheduler::set_state(Job& job, JobState state, const std::string& reason, T
   }
   effects_.changed.push_back(job.key);
   refresh(job);
+  check_dependents(job);
 }
 
 const Job* Scheduler::find_job(const std::string& id) const {
@@ -198,6 +215,7 @@ absl::Status Scheduler::retry(Job& job, Time now) {
     return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id, " is done"));
   }
   if (!has_ended(job.state)) return absl::OkStatus();
+  if (absl::Status possible = check_possible(job); !possible.ok()) return possible;
   job.unit_failures.clear();
   job.failure_code = absl::StatusCode::kOk;
   job.end_time_us = 0;
@@ -256,6 +274,7 @@ void Scheduler::extend(Job& job, std::shared_ptr<const JobSpec> spec) {
   job.counters.cpu_seconds = 0;
   job.contributions.clear();
   refresh(job);
+  check_dependents(job);
   effects_.changed.push_back(job.key);
 }
 
@@ -264,8 +283,12 @@ void Scheduler::remove_job(JobKey key) {
   if (found == jobs_.end()) return;
   forgive(found->second);
   if (!has_ended(found->second.state)) count_demand(found->second, -1);
-  job_by_id_.erase(found->second.spec->id);
+  const std::string id = found->second.spec->id;
+  const JobState state = found->second.state;
+  dependencies_.remove(key, found->second.spec->after);
+  job_by_id_.erase(id);
   jobs_.erase(found);
+  note_removed(id, state);
 }
 
 bool Scheduler::wants(const Job& job, const Lease& lease, const Unit& unit) const {
@@ -344,8 +367,11 @@ void Scheduler::finish_frame(Job& job, std::int32_t frame, Time now) {
   JobPlan& plan = job.open_plan();
   plan.finish(frame);
   refresh(job);
+  check_dependents(job, frame);
   if (plan.finished_frame_count() == plan.frame_count() && !has_ended(job.state)) {
     end_job(job, JobState::done, "", now);
+  } else {
+    dispatch_all(now);  // frames of other jobs may have waited for this one
   }
 }
 

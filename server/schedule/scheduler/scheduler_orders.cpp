@@ -1,4 +1,4 @@
-// Operator commands: drain, ban, allow.
+// Operator commands: drain, ban, allow, move.
 #include "server/schedule/scheduler/scheduler.h"
 
 namespace tessera::server {
@@ -75,6 +75,35 @@ bool Scheduler::allow(const std::string& worker_id, Time now) {
   work_appeared_ = true;
   dispatch_all(now);
   return true;
+}
+
+/// Determines the pool of a worker that is not counted, and which jobs it may be leased.
+void Scheduler::set_pool(Worker& worker) {
+  const auto moved = moved_.find(worker.id);
+  worker.pool = moved != moved_.end() ? moved->second : worker.own_pool;
+  if (worker.pool.empty()) worker.pool = kDefaultPool;
+  worker.serves = {requirement(worker.pool, "")};
+  for (const std::string& tag : worker.tags) worker.serves.insert(requirement(worker.pool, tag));
+}
+
+void Scheduler::move(const std::string& worker_id, const std::string& pool, Time now) {
+  advance(now);
+  if (pool.empty()) {
+    moved_.erase(worker_id);
+  } else {
+    moved_[worker_id] = pool;
+  }
+  Worker* worker = find_worker(worker_id);
+  if (worker == nullptr) return;
+  uncount(*worker);
+  set_pool(*worker);
+  recount(*worker);
+  for (const auto& [key, unit] : worker->leased_units) {
+    const Job& job = jobs_.at(key);
+    if (worker->serves.count(job.requirement) == 0) revoke(*worker, job, unit);
+  }
+  work_appeared_ = true;
+  dispatch_all(now);
 }
 
 }  // namespace tessera::server

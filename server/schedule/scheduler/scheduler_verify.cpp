@@ -52,6 +52,15 @@ absl::Status Scheduler::verify_job(const Job& job) const {
     if (audit.group.has_value() != waits) return wrong("an audit that waits");
   }
   if (has_ended(job.state) && !holders.empty()) return wrong("units at its end");
+  for (const std::int32_t frame : contract::frame_list(job.spec->settings.frames)) {
+    const bool is_blocked = is_frame_blocked(job, frame);
+    if (is_blocked != (job.blocked_frames.count(frame) > 0)) return wrong("blocked frames");
+    if (job.plan && job.plan->is_held_back(frame) != is_blocked) return wrong("held back frames");
+  }
+  const bool is_blocked = std::any_of(
+      job.spec->after.begin(), job.spec->after.end(),
+      [this](const Dependency& each) { return state_of(each) != DependencyState::met; });
+  if (is_blocked != job.is_blocked) return wrong("blocked");
   return absl::OkStatus();
 }
 
@@ -94,10 +103,10 @@ absl::Status Scheduler::verify() const {
     if (worker.is_working()) working.add(worker);
     if (!worker.lost && !worker.draining && !worker.quarantined) present.add(worker);
     witnesses.insert(worker.witness);
-    tags.insert(worker.tags.begin(), worker.tags.end());
+    tags.insert(worker.serves.begin(), worker.serves.end());
     if (!worker.idle_load) continue;
     ++idle;
-    Names own = worker.tags;
+    Names own = worker.serves;
     own.insert("");
     for (const std::string& tag : own) ++idle_tags[tag];
   }
@@ -107,6 +116,7 @@ absl::Status Scheduler::verify() const {
     if (found.empty()) found = difference(present_, present, tag);
     if (!found.empty()) return differs(absl::StrCat("count of tag \"", tag, "\": ", found));
   }
+  if (absl::Status status = verify_limits(); !status.ok()) return status;
   if (workers_by_witness_.size() != witnesses.size()) return differs("witnesses");
   for (const auto& [witness, conduct] : conduct_) {
     if (witnesses.count(witness) == 0) return differs("conduct of a witness that is gone");

@@ -3,14 +3,31 @@
 #include "server/schedule/scheduler/scheduler.h"
 
 namespace tessera::server {
+namespace {
+
+std::string limit_text(const Limits& limits, const JobSpec& spec) {
+  for (const LimitUse& use : spec.limits) {
+    if (limits.room({use}) > 0) continue;
+    const Limits::Limit& limit = limits.all().at(use.limit);
+    return absl::StrCat("limit ", use.limit, " is reached: ", limit.used, " of ", *limit.units,
+                        " units are in use, a lease needs ", use.units);
+  }
+  return "";
+}
+
+}  // namespace
 
 WaitReason Scheduler::wait_reason(const Job& job) const {
   if (job.state != JobState::queued && job.state != JobState::running) return WaitReason::none;
-  const std::string& tag = job.spec->required_tag;
+  const bool is_blocked = job.is_blocked || !job.blocked_frames.empty();
+  if (is_blocked && !job.is_runnable() && job.holders.empty()) return WaitReason::dependency;
   if (present_.find("") == nullptr) return WaitReason::no_workers;
+  const std::string& tag = job.requirement;
+  if (present_.find(requirement(job.spec->pool, "")) == nullptr) return WaitReason::no_pool;
   if (present_.find(tag) == nullptr) return WaitReason::no_tag;
   if (!job.is_runnable() || !job.holders.empty()) return WaitReason::none;
   if (!missing_workers_.empty() && now_ < grace_ends_) return WaitReason::restart;
+  if (limits_.room(job.spec->limits) == 0) return WaitReason::limit;
   const JobQueue::QueueKey key = queue_key(job);
   if (queue_.is_outranked(key)) return WaitReason::priority;
   if (!job.unit_failures.empty() && idle_tags_.count(tag) > 0) return WaitReason::other_worker;
@@ -22,13 +39,21 @@ WaitReason Scheduler::wait_reason(const Job& job) const {
 }
 
 std::string Scheduler::wait_text(const Job& job) const {
+  const std::string pool = job.spec->pool.empty() ? kDefaultPool : job.spec->pool;
   switch (wait_reason(job)) {
     case WaitReason::none:
       break;
     case WaitReason::no_workers:
       return "no workers connected";
+    case WaitReason::dependency:
+      return dependency_text(job);
+    case WaitReason::no_pool:
+      return absl::StrCat("no connected worker is in pool ", pool);
     case WaitReason::no_tag:
-      return absl::StrCat("no connected worker has tag ", job.spec->required_tag);
+      return absl::StrCat("no connected worker", pool == kDefaultPool ? "" : " of pool " + pool,
+                          " has tag ", job.spec->required_tag);
+    case WaitReason::limit:
+      return limit_text(limits_, *job.spec);
     case WaitReason::restart:
       return "workers may reconnect after the server's restart";
     case WaitReason::priority:

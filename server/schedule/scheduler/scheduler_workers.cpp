@@ -16,6 +16,19 @@ constexpr double kUnknownUnitSeconds = 1;  // fair share's assumption before the
 
 }  // namespace
 
+std::vector<UsageRow> Scheduler::usage(Time now) const {
+  FairShare committed = queue_.share();
+  for (const auto& [key, job] : jobs_) {
+    if (!job.plan) continue;
+    for (const auto& [unit, in_flight] : job.plan->in_flight()) {
+      for (const Holder& holder : in_flight.holders) {
+        committed.charge(job.spec->owner, -holder.expected_seconds, holder.charged);
+      }
+    }
+  }
+  return committed.table(now);
+}
+
 Worker* Scheduler::find_worker(WorkerKey worker) {
   const auto found = workers_.find(worker);
   return found == workers_.end() ? nullptr : &found->second;
@@ -72,9 +85,7 @@ void Scheduler::update_idle(Worker& worker) {
       if (workers == 0) idle_tags_.erase(tag);
     };
     add("");
-    for (const std::string& tag : worker.tags) {
-      if (!tag.empty()) add(tag);
-    }
+    for (const std::string& served : worker.serves) add(served);
   };
   const bool is_idle = worker.is_counted && worker.credits > 0;
   if (is_idle && worker.idle_load == worker.load()) return;
@@ -102,6 +113,8 @@ WorkerKey Scheduler::connect(const Hello& hello, Time now) {
   set_witness(worker, witness_name(hello.worker_id, hello.certificate));
   worker.thread_count = std::max(hello.thread_count, 1);
   worker.tags = {hello.tags.begin(), hello.tags.end()};
+  worker.own_pool = hello.pool;
+  set_pool(worker);
   worker.connected = true;
   worker.lost = worker.draining = false;
   worker.last_contact = now;
@@ -314,6 +327,7 @@ void Scheduler::hold(Job& job, Worker& worker, const Unit& unit, const Holder& h
   job.ever_leased_to.insert(worker.key);
   worker.leased_jobs.insert(job.key);
   job.leased_seconds += charged.expected_seconds;
+  take_limits(job);
   queue_.charge(job.spec->owner, charged.expected_seconds, charged.charged);
   update_idle(worker);
 }
@@ -322,6 +336,7 @@ void Scheduler::remove_hold(Job& job, const Unit& unit, const Holder& holder) {
   const auto count = job.holders.find(holder.worker);
   if (count != job.holders.end() && --count->second == 0) job.holders.erase(count);
   job.leased_seconds -= holder.expected_seconds;
+  give_back_limits(job);
   queue_.charge(job.spec->owner, -holder.expected_seconds, holder.charged);
   Worker* worker = find_worker(holder.worker);
   if (worker == nullptr) return;

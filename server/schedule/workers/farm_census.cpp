@@ -31,16 +31,12 @@ void FarmCensus::remove(const std::string& tag, const Worker& worker) {
 
 void FarmCensus::add(const Worker& worker) {
   add("", worker);
-  for (const std::string& tag : worker.tags) {
-    if (!tag.empty()) add(tag, worker);
-  }
+  for (const std::string& served : worker.serves) add(served, worker);
 }
 
 void FarmCensus::remove(const Worker& worker) {
   remove("", worker);
-  for (const std::string& tag : worker.tags) {
-    if (!tag.empty()) remove(tag, worker);
-  }
+  for (const std::string& served : worker.serves) remove(served, worker);
 }
 
 const FarmCensus::Count* FarmCensus::find(const std::string& tag) const {

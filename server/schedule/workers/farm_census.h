@@ -9,7 +9,8 @@
 
 namespace tessera::server {
 
-/// Counts of the working workers by tag, kept up to date one worker at a time. Pure.
+/// Counts of the working workers by what they serve (see requirement()), kept up to date one worker
+/// at a time. Pure.
 class FarmCensus {
  public:
   /// Of the workers with one tag.
@@ -17,8 +18,8 @@ class FarmCensus {
     std::int32_t threads = 0;
     std::map<std::string, std::int32_t> hosts, witnesses;  // workers on each, of each
   };
-  /// Requires a worker that is not counted; until remove() its tags, threads, host and witness may
-  /// not change.
+  /// Requires a worker that is not counted; until remove() what it serves, its threads, host and
+  /// witness may not change.
   void add(const Worker& worker);
   /// Requires a worker that is counted.
   void remove(const Worker& worker);

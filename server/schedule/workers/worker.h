@@ -53,6 +53,7 @@ struct Hello {
   std::string certificate;  // name in its certificate; empty: none
   std::int32_t thread_count = 1;
   std::vector<std::string> tags;
+  std::string pool;  // empty: kDefaultPool
   std::int32_t credit_count = 0;
   std::string store_id;  // store of the leases below
   std::vector<Lease> leases;
@@ -67,7 +68,10 @@ struct Worker {
   std::string witness;      // who answers for its results: see witness_name()
   std::int32_t thread_count = 1;
   std::set<std::string> tags;
-  bool connected = false;  // has a stream; without one it is lost after the timeout
+  std::string own_pool;          // that it named itself
+  std::string pool;              // that it belongs to
+  std::set<std::string> serves;  // requirements of jobs that it meets: its pool, with each tag
+  bool connected = false;        // has a stream; without one it is lost after the timeout
   bool lost = false;
   bool draining = false;
   bool quarantined = false;  // fails units that succeed elsewhere, delivered wrong pixels, or is

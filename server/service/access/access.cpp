@@ -26,6 +26,7 @@ constexpr AccessRule kRules[] = {
     {"JobService.RetryJob", true, false, false},
     {"JobService.RemoveJob", true, false, false},
     {"JobService.ExtendJob", true, false, false},
+    {"JobService.UpdateJob", true, false, false},
     {"JobService.GetJobReport", true, false, true},
     {"JobService.ListDeliveries", true, false, false},
     {"JobService.FetchFrame", true, false, true},
@@ -40,6 +41,10 @@ constexpr AccessRule kRules[] = {
     {"WorkerService.DrainWorker", false, false, false},
     {"WorkerService.BanWorker", false, false, false},
     {"WorkerService.AllowWorker", false, false, false},
+    {"WorkerService.MoveWorker", false, false, false},
+    {"FarmService.SetLimit", false, false, false},
+    {"FarmService.RemoveLimit", false, false, false},
+    {"FarmService.ListLimits", true, false, false},
 };
 
 using Clock = std::chrono::steady_clock;

@@ -16,7 +16,7 @@ namespace {
 constexpr std::size_t kMaxIdLetters = 64, kMaxNameLetters = 200, kMaxSceneNameLetters = 1000,
                       kMaxUriLetters = 4096, kMaxWarningLetters = 4000, kMaxWarnings = 101;
 constexpr int kMaxAssets = 100'000, kMaxFrameRanges = 4096;
-constexpr int kMaxTags = 64;
+constexpr int kMaxTags = 64, kMaxDependencies = 64, kMaxLimitUses = 16;
 constexpr std::int32_t kMaxThreads = 4096;
 constexpr double kMaxUnitSeconds = 1e9;
 constexpr std::int64_t kMaxUnitCount = std::int64_t{1} << 48;
@@ -120,7 +120,7 @@ absl::Status check_tiles(const contract::RenderSettings& settings) {
                                               " tiles per frame, maximum ", kMaxTiles));
 }
 
-bool is_worker_id(const std::string& id) {
+bool is_name(const std::string& id) {
   constexpr char kAllowed[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
   return !id.empty() && id.size() <= kMaxIdLetters &&
          id.find_first_not_of(kAllowed) == std::string::npos;
@@ -153,9 +153,61 @@ absl::Status check_texts(const v1::CreateJobRequest& request) {
   const v1::RenderSettings& settings = request.settings();
   status.Update(check_text("settings.camera", settings.camera(), 0, kMaxSceneNameLetters));
   status.Update(check_text("settings.animation", settings.animation(), 0, kMaxSceneNameLetters));
+  if (!request.pool().empty()) status.Update(check_name("pool", request.pool()));
   status.Update(check_text("settings.variant", settings.variant(), 0, kMaxSceneNameLetters));
   status.Update(check_range("settings.frames", settings.frames_size(), 0, kMaxFrameRanges));
   return status;
+}
+
+absl::StatusOr<std::vector<LimitUse>> read_limits(
+    const google::protobuf::RepeatedPtrField<v1::LimitUse>& messages) {
+  std::vector<LimitUse> uses;
+  absl::Status status = check_range("limits", messages.size(), 0, kMaxLimitUses);
+  for (const v1::LimitUse& message : messages) {
+    status.Update(check_name("limits.limit", message.limit()));
+    status.Update(check_range("limits.unit_count", message.unit_count(), 1, 1000));
+    uses.push_back({message.limit(), message.unit_count()});
+  }
+  if (!status.ok()) return status;
+  std::sort(uses.begin(), uses.end());
+  const auto twice = std::adjacent_find(
+      uses.begin(), uses.end(), [](const auto& a, const auto& b) { return a.limit == b.limit; });
+  if (twice != uses.end()) return bad("limits", absl::StrCat(twice->limit, " is named twice"));
+  return uses;
+}
+
+absl::Status read_dependencies(const v1::CreateJobRequest& request, JobSpec& spec) {
+  absl::Status status =
+      check_range("dependencies", request.dependencies_size(), 0, kMaxDependencies);
+  for (const v1::JobDependency& message : request.dependencies()) {
+    if (message.kind() < v1::JobDependency::KIND_SUCCESS ||
+        message.kind() > v1::JobDependency::KIND_FRAMES) {
+      status.Update(bad("dependencies.kind", absl::StrCat(message.kind(), " is unknown")));
+    }
+    status.Update(check_text("dependencies.job_id", message.job_id(), 1, kMaxIdLetters));
+    spec.after.push_back({message.job_id(), static_cast<Dependency::Kind>(message.kind())});
+  }
+  return status;
+}
+
+void write_limits(const std::vector<LimitUse>& uses,
+                  google::protobuf::RepeatedPtrField<v1::LimitUse>& messages) {
+  messages.Clear();
+  for (const LimitUse& use : uses) {
+    v1::LimitUse* message = messages.Add();
+    message->set_limit(use.limit);
+    message->set_unit_count(use.units);
+  }
+}
+
+void write_dependencies(const std::vector<Dependency>& after,
+                        google::protobuf::RepeatedPtrField<v1::JobDependency>& messages) {
+  messages.Clear();
+  for (const Dependency& dependency : after) {
+    v1::JobDependency* message = messages.Add();
+    message->set_job_id(dependency.job_id);
+    message->set_kind(static_cast<v1::JobDependency::Kind>(dependency.kind));
+  }
 }
 
 /// to_spec() without check_texts(): a stored job may predate a limit.
@@ -170,7 +222,12 @@ absl::StatusOr<JobSpec> parse_spec(const v1::CreateJobRequest& request, const st
   spec.scene_warnings = {request.scene_warnings().begin(), request.scene_warnings().end()};
   absl::Status status = check_range("priority", spec.priority, -100, 100);
   status.Update(check_range("max_worker_count", spec.max_workers, 0, 1'000'000));
+  status.Update(read_dependencies(request, spec));
   if (!status.ok()) return status;
+  auto limits = read_limits(request.limits());
+  if (!limits.ok()) return limits.status();
+  spec.pool = request.pool();
+  spec.limits = *std::move(limits);
   const auto settings = contract::from_message(request.settings());
   if (!settings.ok()) return settings.status();
   spec.settings = *settings;
@@ -183,6 +240,47 @@ absl::StatusOr<JobSpec> parse_spec(const v1::CreateJobRequest& request, const st
 }
 
 }  // namespace
+
+absl::Status check_name(const std::string& field, const std::string& name) {
+  if (is_name(name)) return absl::OkStatus();
+  return bad(field, "expected 1 to 64 characters of [a-zA-Z0-9._-]");
+}
+
+absl::StatusOr<JobAdmin::Update> from_message(const v1::UpdateJobRequest& message) {
+  JobAdmin::Update update;
+  absl::Status status;
+  if (message.has_priority()) {
+    update.priority = message.priority();
+    status.Update(check_range("priority", message.priority(), -100, 100));
+  }
+  if (message.has_max_worker_count()) {
+    update.max_workers = message.max_worker_count();
+    status.Update(check_range("max_worker_count", message.max_worker_count(), 0, 1'000'000));
+  }
+  if (message.has_required_tag()) {
+    update.required_tag = message.required_tag();
+    status.Update(check_text("required_tag", message.required_tag(), 0, kMaxIdLetters));
+  }
+  if (message.has_pool()) {
+    update.pool = message.pool();
+    if (!message.pool().empty()) status.Update(check_name("pool", message.pool()));
+  }
+  update.clear_dependencies = message.clear_dependencies();
+  if (!status.ok()) return status;
+  if (!message.has_limits()) return update;
+  auto limits = read_limits(message.limits().limits());
+  if (!limits.ok()) return limits.status();
+  update.limits = *std::move(limits);
+  return update;
+}
+
+v1::Limit to_message(const LimitView& limit) {
+  v1::Limit message;
+  message.set_name(limit.name);
+  message.set_unit_count(limit.units);
+  message.set_used_unit_count(limit.used);
+  return message;
+}
 
 absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::string& owner) {
   absl::Status status = check_texts(request);
@@ -210,6 +308,12 @@ std::string write_request(const JobSpec& spec) {
   request.ParseFromString(spec.request);
   request.mutable_settings()->set_sample_count(spec.settings.spp);
   if (spec.settings.error) request.mutable_settings()->set_error_target(*spec.settings.error);
+  request.set_priority(spec.priority);
+  request.set_max_worker_count(spec.max_workers);
+  request.set_required_tag(spec.required_tag);
+  request.set_pool(spec.pool);
+  write_limits(spec.limits, *request.mutable_limits());
+  write_dependencies(spec.after, *request.mutable_dependencies());
   return request.SerializeAsString();
 }
 
@@ -224,6 +328,9 @@ v1::Job to_message(const JobView& view) {
   job.set_priority(view.spec->priority);
   job.set_max_worker_count(view.spec->max_workers);
   job.set_required_tag(view.spec->required_tag);
+  job.set_pool(view.spec->pool.empty() ? kDefaultPool : view.spec->pool);
+  write_limits(view.spec->limits, *job.mutable_limits());
+  write_dependencies(view.spec->after, *job.mutable_dependencies());
   set_time(view.create_time_us, *job.mutable_create_time());
   if (view.end_time_us != 0) set_time(view.end_time_us, *job.mutable_end_time());
   *job.mutable_settings() = contract::to_message(view.spec->settings);
@@ -287,6 +394,7 @@ v1::Worker to_message(const Worker& worker, double silence_seconds) {
   message.set_committed_unit_count(worker.committed_count);
   message.set_cpu_seconds(worker.cpu_seconds);
   message.set_rss_bytes(worker.rss_bytes);
+  message.set_pool(worker.pool);
   set_duration(silence_seconds, *message.mutable_silence());
   return message;
 }
@@ -357,7 +465,7 @@ Lease from_message(const v1::Lease& message) {
 }
 
 absl::StatusOr<Hello> from_message(const v1::WorkerHello& message) {
-  if (!is_worker_id(message.worker_id())) {
+  if (!is_name(message.worker_id())) {
     return bad("hello.worker_id", "expected 1 to 64 characters of [a-zA-Z0-9._-]");
   }
   absl::Status status = check_text("hello.name", message.name(), 1, 100);
@@ -369,6 +477,7 @@ absl::StatusOr<Hello> from_message(const v1::WorkerHello& message) {
   for (const std::string& tag : message.tags()) {
     status.Update(check_text("hello.tags", tag, 1, kMaxIdLetters));
   }
+  if (!message.pool().empty()) status.Update(check_name("hello.pool", message.pool()));
   status.Update(check_text("hello.store_id", message.store_id(), 0, kMaxIdLetters));
   if (!status.ok()) return status;
   Hello hello;
@@ -378,6 +487,7 @@ absl::StatusOr<Hello> from_message(const v1::WorkerHello& message) {
   hello.isa = message.isa();
   hello.thread_count = message.thread_count();
   hello.tags = {message.tags().begin(), message.tags().end()};
+  hello.pool = message.pool();
   hello.credit_count = message.credit_count();
   hello.store_id = message.store_id();
   for (const v1::Lease& lease : message.leases()) hello.leases.push_back(from_message(lease));

@@ -4,6 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "server/coordinator/coordinator.h"
+#include "tessera/v1/farm_service.pb.h"
 #include "tessera/v1/job_service.pb.h"
 #include "tessera/v1/worker_service.pb.h"
 
@@ -18,10 +19,16 @@ inline constexpr std::size_t kTilesPerMessage = 65'536;
 /// Converts a request to a job's spec for `owner`.
 absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::string& owner);
 
+/// Checks the name of a pool or a limit: 1 to 64 of [a-zA-Z0-9._-]. Errors: InvalidArgument.
+absl::Status check_name(const std::string& field, const std::string& name);
+
+absl::StatusOr<JobAdmin::Update> from_message(const v1::UpdateJobRequest& message);
+v1::Limit to_message(const LimitView& limit);
+
 /// Parses a job's spec from its row. Errors: DataLoss.
 absl::StatusOr<JobSpec> read_spec(const JobRecord& record);
 
-/// Serialises the request of `spec` with its current sample count and target error.
+/// Serialises the request of `spec` with what may change after its creation.
 std::string write_request(const JobSpec& spec);
 
 v1::Job to_message(const JobView& view);

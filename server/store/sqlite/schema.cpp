@@ -115,6 +115,13 @@ CREATE TABLE images(  -- small images, which have no file; their frames.bytes is
   image BLOB NOT NULL,
   PRIMARY KEY (job, frame));
 )sql",
+    R"sql(
+CREATE TABLE settings(  -- of the farm
+  kind INTEGER NOT NULL,  -- SettingKind in store.h
+  name TEXT NOT NULL,
+  value TEXT NOT NULL,
+  PRIMARY KEY (kind, name)) WITHOUT ROWID;
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);

@@ -257,6 +257,19 @@ TEST_F(FarmTest, MalformedJobErrorNamesField) {
       {"name", [](auto& r) { r.set_name("a\n2026-01-01 forged"); }},
       {"request_id", [](auto& r) { r.set_request_id("\x1b[2J"); }},
       {"required_tag", [](auto& r) { r.set_required_tag("gpu\t"); }},
+      {"pool", [](auto& r) { r.set_pool("a b"); }},
+      {"limits.limit", [](auto& r) { r.add_limits()->set_unit_count(1); }},
+      {"limits.unit_count", [](auto& r) { r.add_limits()->set_limit("licence"); }},
+      {"limits: licence is named twice",
+       [](auto& r) {
+         for (int i = 0; i < 2; ++i) {
+           r.add_limits()->set_limit("licence");
+           r.mutable_limits(i)->set_unit_count(1);
+         }
+       }},
+      {"dependencies.kind", [](auto& r) { r.add_dependencies()->set_job_id("a"); }},
+      {"dependencies.job_id",
+       [](auto& r) { r.add_dependencies()->set_kind(v1::JobDependency::KIND_END); }},
       {"priority", [](auto& r) { r.set_priority(101); }},
       {"max_worker_count", [](auto& r) { r.set_max_worker_count(-1); }},
       {"width_px", [](auto& r) { r.mutable_settings()->set_width_px(0); }},

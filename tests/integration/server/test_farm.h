@@ -13,6 +13,7 @@
 #include "rpc/channel.h"
 #include "server/service/access/access.h"
 #include "server/service/asset_service.h"
+#include "server/service/farm_service.h"
 #include "server/service/job_service.h"
 #include "server/service/worker_service.h"
 #include "tests/integration/server/made_job.h"
@@ -33,11 +34,13 @@ class TestServer {
         admission_(running_.coordinator(), std::nullopt),
         jobs_(running_.coordinator(), access_),
         assets_(running_.coordinator(), access_),
-        workers_(running_.coordinator(), access_, admission_, kHelloTimeout) {
+        workers_(running_.coordinator(), access_, admission_, kHelloTimeout),
+        farm_(running_.coordinator(), access_) {
     grpc::ServerBuilder builder;
     builder.RegisterService(&jobs_);
     builder.RegisterService(&assets_);
     builder.RegisterService(&workers_);
+    builder.RegisterService(&farm_);
     server_ = builder.BuildAndStart();
     channel_ = server_->InProcessChannel({});
   }
@@ -52,6 +55,7 @@ class TestServer {
   JobService jobs_;
   AssetService assets_;
   WorkerService workers_;
+  FarmService farm_;
   std::unique_ptr<grpc::Server> server_;
   std::shared_ptr<grpc::Channel> channel_;
 };

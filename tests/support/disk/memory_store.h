@@ -82,6 +82,9 @@ class MemoryStore final : public Store {
   absl::Status remove_job(const std::string& job_id) override {
     const std::lock_guard lock(mutex_);
     if (!commit_fault_.ok()) return commit_fault_;
+    for (const auto& [sequence, job] : jobs_) {
+      if (job.id == job_id) removed_[job_id] = job.state;
+    }
     std::erase_if(jobs_, [&](const auto& entry) { return entry.second.id == job_id; });
     units_.erase(job_id);
     totals_.erase(job_id);
@@ -93,6 +96,25 @@ class MemoryStore final : public Store {
     std::vector<JobRecord> jobs;
     for (const auto& [sequence, job] : jobs_) jobs.push_back(job);
     return jobs;
+  }
+
+  absl::StatusOr<std::optional<std::int32_t>> removed_state(
+      const std::string& job_id) const override {
+    const std::lock_guard lock(mutex_);
+    const auto found = removed_.find(job_id);
+    if (found == removed_.end()) return std::nullopt;
+    return found->second;
+  }
+  absl::Status save_settings(SettingKind kind, const Settings& settings) override {
+    const std::lock_guard lock(mutex_);
+    if (!commit_fault_.ok()) return commit_fault_;
+    settings_[kind] = settings;
+    return absl::OkStatus();
+  }
+  absl::StatusOr<Settings> settings(SettingKind kind) const override {
+    const std::lock_guard lock(mutex_);
+    const auto found = settings_.find(kind);
+    return found == settings_.end() ? Settings{} : found->second;
   }
 
   absl::Status commit(std::vector<Commit>& group) override {
@@ -292,6 +314,8 @@ class MemoryStore final : public Store {
   std::map<std::string, std::map<contract::Unit, std::pair<UnitRecord, std::string>>> units_;
   std::map<std::string, std::map<std::string, UnitTotals>> totals_;  // by job, worker
   std::map<std::string, std::map<std::int32_t, FrameRecord>> frames_;
+  std::map<std::string, std::int32_t> removed_;  // states
+  std::map<SettingKind, Settings> settings_;
   std::set<contract::Digest> assets_;
   std::set<contract::Unit> damaged_;
 };

@@ -20,6 +20,7 @@ inline std::string sql_to_older_schema(std::int64_t version) {
       "ALTER TABLE jobs DROP COLUMN render_contract;",
       "ALTER TABLE jobs DROP COLUMN failure_code;",
       "DROP TABLE blocks; DROP TABLE images;",
+      "DROP TABLE settings;",
   };
   std::string sql;
   for (std::int64_t step = schema_version() - 1; step >= version; --step) {

@@ -133,5 +133,40 @@ TEST_F(MetricsTest, AuditsAndQuarantinesAreCounted) {
   EXPECT_EQ(values.at("tessera_audits_total"), static_cast<double>(report.counters.audited));
 }
 
+TEST_F(MetricsTest, PoolsAndLimitsAreShown) {
+  coordinator->settings().set_limit("licence", 2, [](const auto&) {});
+  pump();
+  JobSpec spec = spec_of("a");
+  spec.limits = {{"licence", 1}};
+  ASSERT_TRUE(create(spec).ok());
+  JobSpec late = spec_of("b");
+  late.pool = "night";
+  const auto night = create(late);
+  ASSERT_TRUE(night.ok());
+  JobSpec blocked = spec_of("c");
+  blocked.after = {{night->view.spec->id, Dependency::Kind::success}};
+  ASSERT_TRUE(create(blocked).ok());
+  now += std::chrono::seconds(90);
+  auto values = scrape();
+  EXPECT_EQ(values.at(R"(tessera_pool_units_waiting{pool="default"})"), 6);
+  EXPECT_EQ(values.at(R"(tessera_pool_units_waiting{pool="night"})"), 6);
+  EXPECT_EQ(values.at(R"(tessera_pool_worker_threads{pool="night"})"), 0);
+  EXPECT_GE(values.at(R"(tessera_pool_oldest_wait_seconds{pool="night"})"), 90);
+  EXPECT_EQ(values.at(R"(tessera_units{state="waiting"})"), 12);
+  EXPECT_EQ(values.at(R"(tessera_units{state="blocked"})"), 6);
+
+  join("w");
+  values = scrape();
+  EXPECT_EQ(values.at(R"(tessera_limit_units{limit="licence"})"), 2);
+  EXPECT_EQ(values.at(R"(tessera_limit_used_units{limit="licence"})"), 2);
+  EXPECT_EQ(values.at(R"(tessera_pool_units_waiting{pool="default"})"), 0)
+      << "the limit is reached";
+  EXPECT_EQ(values.at(R"(tessera_pool_worker_threads{pool="default"})"), 2);
+
+  ASSERT_TRUE(change(night->view.spec->id, JobAdmin::Change::cancel).ok());
+  EXPECT_EQ(scrape().count(R"(tessera_pool_units_waiting{pool="night"})"), 0u)
+      << "nothing is in it";
+}
+
 }  // namespace
 }  // namespace tessera::server

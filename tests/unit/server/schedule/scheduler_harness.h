@@ -25,6 +25,9 @@ class SchedulerHarness {
     std::int32_t tiles = 16, frames = 1, spp = 8, priority = 0, max_workers = 0;
     std::string owner = "ann", tag = {};
     std::string scene = {};  // content of its only file
+    std::string pool = {};
+    std::vector<LimitUse> limits = {};
+    std::vector<Dependency> after = {};
   };
   Job& add_job(const JobPlanned& planned) {
     Job& job = queue_job(planned);
@@ -40,6 +43,9 @@ class SchedulerHarness {
     spec->priority = planned.priority;
     spec->max_workers = planned.max_workers;
     spec->required_tag = planned.tag;
+    spec->pool = planned.pool;
+    spec->limits = planned.limits;
+    spec->after = planned.after;
     spec->assets = {{"scene.glb", contract::sha256(planned.scene), 0}};
     spec->settings.width = 8 * planned.tiles;
     spec->settings.height = 8;
@@ -56,6 +62,7 @@ class SchedulerHarness {
     std::vector<UnitName> running = {}, unacknowledged = {};
     std::string store_id = "store";
     std::string certificate = {};
+    std::string pool = {};
   };
   WorkerKey connect(const std::string& id, const WorkerPlanned& planned) {
     Hello hello;
@@ -65,6 +72,7 @@ class SchedulerHarness {
     hello.tags = planned.tags;
     hello.store_id = planned.store_id;
     hello.certificate = planned.certificate;
+    hello.pool = planned.pool;
     hello.leases = planned.leases;
     hello.running = planned.running;
     hello.unacknowledged = planned.unacknowledged;

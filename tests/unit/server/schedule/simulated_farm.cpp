@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "tests/unit/server/schedule/simulated_farm_parts.h"
 
 namespace tessera::server {
 namespace {
@@ -14,8 +15,10 @@ using contract::Unit;
 using namespace std::chrono_literals;
 
 constexpr std::chrono::milliseconds kStep{500};
-constexpr int kOwners = 4, kMaxJobs = 12, kChaosSteps = 500, kCalmSteps = 4000;
-constexpr const char* kTags[] = {"", "a", "b"};
+constexpr int kOwners = 4, kChaosSteps = 500;
+// Enough for 12 jobs of 3 frames of 60 tiles in 2 passes, each unit audited, one after the other
+// because of a limit, 3.2 s of work and up to 1.5 s until it is durable.
+constexpr int kCalmSteps = 12 * 3 * 60 * 2 * 2 * 10;
 
 contract::Digest digest_of(const UnitName& name, bool is_lie) {
   return contract::sha256(absl::StrCat(name.job_id, " ", name.unit.frame, " ", name.unit.tile, " ",
@@ -31,47 +34,6 @@ std::uint64_t Dice::next() {
   return x ^ (x >> 31);
 }
 
-/// A unit at a worker.
-struct SimulatedFarm::Task {
-  UnitName name;
-  Lease lease;
-  std::optional<Time> ready = {};  // when its rendering ends; absent: it has not begun
-  bool is_delivered = false;       // without an acknowledgement
-  contract::Digest digest = {};
-};
-
-struct SimulatedFarm::Computer {
-  std::string id, certificate;
-  bool is_faulty = false, is_anchor = false;
-  std::int32_t threads = 1, credits = 1;
-  std::set<std::string> tags;
-  WorkerKey key = 0;
-  bool is_up = true, is_connected = false;
-  std::vector<Task> tasks;
-};
-
-struct SimulatedFarm::StoredUnit {
-  std::string worker_id;
-  contract::Digest digest;
-  bool has_audit = false;  // that has not ended
-};
-
-struct SimulatedFarm::Stored {
-  std::shared_ptr<const JobSpec> spec;
-  JobState state = JobState::queued;
-  std::map<Unit, StoredUnit> units;  // committed, acknowledged
-  std::set<std::int32_t> frames;     // finished
-};
-
-struct SimulatedFarm::Write {
-  std::string worker_id;
-  UnitName name;
-  Lease lease;
-  contract::Digest digest;
-  bool has_audit = false;
-  Time durable;
-};
-
 SimulatedFarm::SimulatedFarm(std::uint64_t seed) : dice_(seed), now_(Time{} + 100h) {
   constexpr double kFractions[] = {0, 0.05, 0.5};
   policy_.audit_fraction = kFractions[dice_.below(3)];
@@ -79,8 +41,11 @@ SimulatedFarm::SimulatedFarm(std::uint64_t seed) : dice_(seed), now_(Time{} + 10
   policy_.audit_timeout = 1h;
   policy_.share.half_life = 10min;
   policy_.share.weights = {{"owner0", 2.0}};
+  limit_ = 2 + dice_.below(4);
   start_scheduler();
-  for (const char* certificate : {"anchor1", "anchor2"}) add_computer(certificate, false, true);
+  for (const char* certificate : {"anchor1", "anchor2", "anchor3", "anchor4"}) {
+    add_computer(certificate, false, true);
+  }
   add_job();
 }
 
@@ -95,11 +60,18 @@ void SimulatedFarm::start_scheduler() {
   scheduler_ = std::make_unique<Scheduler>(Scheduler::Identity{"store", "key", ++boot_}, policy_,
                                            roster, now_);
   scheduler_->restore_usage(usage_, now_);
+  scheduler_->set_limit(kLimit, limit_, now_);
+  excess_ = 0;
+  for (const auto& [worker, pool] : moved_) scheduler_->move(worker, pool, now_);
   for (const std::string& name : bans_) scheduler_->ban(name);
   for (const auto& [key, stored] : store_) {
     Job& job = scheduler_->add_job(key, stored->spec, stored->state);
+    for (const Dependency& dependency : stored->spec->after) {
+      const auto removed = removed_.find(dependency.job_id);
+      if (removed != removed_.end()) scheduler_->note_removed(removed->first, removed->second);
+    }
     if (stored->units.empty() && stored->frames.empty()) continue;
-    for (const std::int32_t frame : stored->frames) job.open_plan().finish(frame);
+    for (const std::int32_t frame : stored->frames) scheduler_->restore_frame(job, frame);
     for (const auto& [unit, kept] : stored->units) {
       scheduler_->restore_unit(job, unit, kept.worker_id, 1);
       if (kept.has_audit) scheduler_->open_audit(job, unit, kept.worker_id, kept.digest);
@@ -134,6 +106,9 @@ void SimulatedFarm::add_job() {
   spec->settings.tile = 8;
   spec->settings.spp = dice_.one_in(2) ? 8 : 64;
   spec->settings.frames = {{0, dice_.below(3), 1}};
+  spec->pool = kPools[dice_.one_in(4) ? 1 : 0];
+  if (dice_.one_in(4)) spec->limits = {{kLimit, 1 + dice_.below(2)}};
+  if (dice_.one_in(2)) add_dependencies(*spec);
   store_[key] = std::make_unique<Stored>();
   store_[key]->spec = spec;
   scheduler_->add_job(key, spec, JobState::queued);
@@ -147,6 +122,7 @@ SimulatedFarm::Computer& SimulatedFarm::add_computer(const std::string& certific
   computer->certificate = certificate;
   computer->is_faulty = is_faulty;
   computer->is_anchor = is_anchor;
+  computer->pool = kPools[is_anchor ? last_computer_ % 2 : dice_.below(2)];
   computer->threads = 1 + dice_.below(4);
   computer->credits = computer->threads + dice_.below(4);
   for (const char* tag : {"a", "b"}) {
@@ -165,6 +141,7 @@ void SimulatedFarm::connect(Computer& computer) {
   hello.certificate = computer.certificate;
   hello.thread_count = computer.threads;
   hello.tags = {computer.tags.begin(), computer.tags.end()};
+  hello.pool = computer.pool;
   hello.store_id = "store";
   for (Task& task : computer.tasks) {
     hello.leases.push_back(task.lease);
@@ -174,6 +151,7 @@ void SimulatedFarm::connect(Computer& computer) {
   const auto held = static_cast<std::int32_t>(computer.tasks.size());
   hello.credit_count = std::max(computer.credits - held, 0);
   computer.key = scheduler_->connect(hello, now_);
+  excess_ = std::max(excess_, scheduler_->limits().all().at(kLimit).used);
   computer.is_connected = true;
 }
 
@@ -188,7 +166,6 @@ void SimulatedFarm::read_mail(Computer& computer) {
   Worker* worker = scheduler_->find_worker(computer.key);
   if (worker == nullptr) return;
   const Outbox mail = std::exchange(worker->outbox, Outbox{});
-  for (const Lease& lease : mail.leases) take_lease(computer, lease);
   std::int32_t credits = 0;
   for (const Acknowledgement& told : mail.acknowledgements) {
     credits += static_cast<std::int32_t>(
@@ -196,10 +173,17 @@ void SimulatedFarm::read_mail(Computer& computer) {
   }
   scheduler_->grant_credits(computer.key, credits, now_);
   return_revoked(computer, mail.revoked);
+  for (const Lease& lease : mail.leases) take_lease(computer, lease);
 }
 
 void SimulatedFarm::take_lease(Computer& computer, const Lease& lease) {
   const Job* job = scheduler_->find_job(lease.job_id);
+  if (job != nullptr && !has_ended(job->state)) {
+    for (const Dependency& dependency : job->spec->after) {
+      if (is_met(dependency, lease.frame)) continue;
+      violate(absl::StrCat("job ", lease.job_id, " is leased before job ", dependency.job_id));
+    }
+  }
   for (std::int32_t i = 0; i < lease.tile_count; ++i) {
     const Unit unit{lease.frame, lease.first_tile + i, lease.pass};
     if (job != nullptr && job->plan && job->plan->is_committed(unit) &&
@@ -320,7 +304,7 @@ void SimulatedFarm::deliver(const std::string& worker_id, const Task& task) {
 /// A block is durable.
 void SimulatedFarm::commit(const Write& write) {
   Job* job = scheduler_->find_job(write.name.job_id);
-  if (job == nullptr) return;
+  if (job == nullptr) return acknowledge(write.worker_id, write.name, AckStatus::obsolete);
   if (!scheduler_->wants(*job, write.lease, write.name.unit)) {
     return acknowledge(write.worker_id, write.name, AckStatus::obsolete);
   }
@@ -422,55 +406,6 @@ void SimulatedFarm::apply_effects() {
   }
 }
 
-// Faults ------------------------------------------------------------------------------------------
-
-void SimulatedFarm::disturb_jobs() {
-  const JobKey key = 1 + dice_.below(static_cast<int>(last_job_));
-  Job* job = scheduler_->find_job(key);
-  if (job == nullptr) return;
-  switch (dice_.below(4)) {
-    case 0:
-      scheduler_->pause(*job, "asked", now_).IgnoreError();
-      break;
-    case 1:
-    case 2:
-      scheduler_->resume(*job, now_).IgnoreError();
-      break;
-    default:
-      if (dice_.one_in(3)) scheduler_->cancel(*job, now_).IgnoreError();
-      break;
-  }
-}
-
-void SimulatedFarm::disturb() {
-  if (last_job_ < kMaxJobs && dice_.one_in(20)) add_job();
-  if (dice_.one_in(40)) disturb_jobs();
-  if (computers_.size() < 9 && dice_.one_in(15)) {
-    const bool is_faulty = dice_.one_in(3);
-    add_computer(is_faulty ? "faulty" : absl::StrCat("honest", dice_.below(4)), is_faulty, false);
-  }
-  if (dice_.one_in(150)) restart_server();
-  for (auto& [id, computer] : computers_) {
-    if (dice_.one_in(60)) lose_stream(*computer);
-    if (computer->is_anchor || !dice_.one_in(80)) continue;
-    ++events_.crashes;  // silent, its work is gone; it may come back
-    computer->is_up = !computer->is_up;
-    computer->tasks.clear();
-    lose_stream(*computer);
-  }
-  if (dice_.one_in(50)) {
-    const auto computer =
-        std::next(computers_.begin(), dice_.below(static_cast<int>(computers_.size())));
-    if (!computer->second->is_anchor && computer->second->is_connected) {
-      if (dice_.one_in(2)) scheduler_->drain(computer->first);
-      scheduler_->allow(computer->first, now_);
-      for (const std::string& name : scheduler_->names_to_ban(computer->first)) {
-        bans_.erase(name);
-      }
-    }
-  }
-}
-
 void SimulatedFarm::step(bool is_calm) {
   now_ += kStep;
   if (!is_calm && dice_.one_in(60)) {  // the process or its clock stands still
@@ -496,7 +431,9 @@ void SimulatedFarm::check() {
   if (const absl::Status status = scheduler_->verify(); !status.ok()) {
     violate(std::string(status.message()));
   }
+  check_limits();
   for (const auto& [key, job] : scheduler_->jobs()) {
+    if (job.state == JobState::failed && !scheduler_->check_possible(job).ok()) continue;
     if (job.state == JobState::failed) violate(absl::StrCat("job failed: ", job.reason));
     if (job.state == JobState::failed || !job.plan) continue;
     for (const auto& [unit, kept] : store_.at(key)->units) {
@@ -510,7 +447,7 @@ void SimulatedFarm::check() {
 
 std::string SimulatedFarm::check_end() {
   for (const auto& [key, job] : scheduler_->jobs()) {
-    if (job.state == JobState::done || job.state == JobState::cancelled) continue;
+    if (job.state == JobState::done) continue;
     return absl::StrCat("job ", job.spec->id, " is ", state_name(job.state),
                         " at the end: ", scheduler_->wait_text(job));
   }
@@ -522,11 +459,7 @@ std::string SimulatedFarm::check_end() {
 
 std::string SimulatedFarm::run() {
   for (int i = 0; i < kChaosSteps && violation_.empty(); ++i) step(false);
-  for (const auto& [key, job] : scheduler_->jobs()) {
-    if (job.state == JobState::paused) {
-      scheduler_->resume(*scheduler_->find_job(key), now_).IgnoreError();
-    }
-  }
+  resume_all();
   const auto is_over = [this] {
     return std::all_of(scheduler_->jobs().begin(), scheduler_->jobs().end(),
                        [](const auto& entry) { return has_ended(entry.second.state); });

@@ -30,7 +30,9 @@ class Dice {
 ///
 /// One certificate is faulty. Two honest workers stay, so no job may fail. run() checks after each
 /// step that the scheduler's indexes match a recount, that no committed unit is leased again but
-/// for an audit, and at the end that every job is done and owners had their shares.
+/// for an audit, that no unit is leased before the jobs that its own waits for, that no limit is
+/// exceeded but by units that workers brought back, and at the end that every job is done and
+/// owners had their shares.
 class SimulatedFarm {
  public:
   explicit SimulatedFarm(std::uint64_t seed);
@@ -42,7 +44,8 @@ class SimulatedFarm {
   /// What happened, so that a test can see that faults take place.
   struct Events {
     int commits = 0, duplicates = 0, audits = 0, restarts = 0, crashes = 0, failures = 0, lies = 0,
-        redone = 0, quarantines = 0, late_ticks = 0, lost_writes = 0;
+        redone = 0, quarantines = 0, late_ticks = 0, lost_writes = 0, removals = 0, impossible = 0,
+        moves = 0, full_limits = 0;
   };
   const Events& events() const { return events_; }
 
@@ -57,6 +60,13 @@ class SimulatedFarm {
   void start_scheduler();
   void restart_server();
   void add_job();
+  void add_dependencies(JobSpec& spec);
+  void remove_job(JobKey key);
+  void change_job(Job& job);
+  void retry(Job& job);
+  void resume_all();
+  bool is_met(const Dependency& dependency, std::int32_t frame) const;
+  void check_limits();
   Computer& add_computer(const std::string& certificate, bool is_faulty, bool is_anchor);
   void connect(Computer& computer);
   void lose_stream(Computer& computer);
@@ -86,9 +96,14 @@ class SimulatedFarm {
   std::unique_ptr<Scheduler> scheduler_;
   std::map<std::string, std::unique_ptr<Computer>> computers_;  // by worker ID
   std::map<JobKey, std::unique_ptr<Stored>> store_;
+  std::map<std::string, JobState> removed_;   // by job ID
+  std::int64_t limit_ = 0;                    // units of the only limit
+  std::int64_t excess_ = 0;                   // its use that workers brought back, or more
+  std::map<std::string, std::string> moved_;  // pool, by worker ID
   std::set<std::string> bans_, roster_;
   std::vector<UsageRow> usage_;
   std::vector<Write> writes_;  // delivered, not durable
+  bool is_resumed_ = false;    // jobs that had ended were retried
   JobKey last_job_ = 0;
   int last_computer_ = 0;
   Events events_;

@@ -36,15 +36,22 @@ TEST(Simulation, InvariantsHoldForAllSeeds) {
     sum.quarantines += events.quarantines;
     sum.late_ticks += events.late_ticks;
     sum.lost_writes += events.lost_writes;
+    sum.removals += events.removals;
+    sum.impossible += events.impossible;
+    sum.moves += events.moves;
+    sum.full_limits += events.full_limits;
   }
   std::printf(
       "seeds %d to %d: %d commits, %d duplicates, %d audits, %d restarts, %d crashes, %d failures, "
-      "%d wrong results, %d redone, %d quarantined, %d late ticks, %d lost writes\n",
+      "%d wrong results, %d redone, %d quarantined, %d late ticks, %d lost writes, %d removed, "
+      "%d never possible, %d moved, %d steps at a limit\n",
       first, first + count - 1, sum.commits, sum.duplicates, sum.audits, sum.restarts, sum.crashes,
-      sum.failures, sum.lies, sum.redone, sum.quarantines, sum.late_ticks, sum.lost_writes);
+      sum.failures, sum.lies, sum.redone, sum.quarantines, sum.late_ticks, sum.lost_writes,
+      sum.removals, sum.impossible, sum.moves, sum.full_limits);
   if (count < 100) return;
   for (const int happened : {sum.duplicates, sum.audits, sum.restarts, sum.crashes, sum.failures,
-                             sum.lies, sum.redone, sum.quarantines, sum.late_ticks}) {
+                             sum.lies, sum.redone, sum.quarantines, sum.late_ticks, sum.removals,
+                             sum.impossible, sum.moves, sum.full_limits}) {
     EXPECT_GT(happened, 0) << "every kind of fault takes place";
   }
 }

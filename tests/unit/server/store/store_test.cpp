@@ -128,6 +128,17 @@ TEST_F(StoreTest, NeverReusesIdOfRemovedJob) {
   EXPECT_GT(add_job("c").sequence, job.sequence);
 }
 
+TEST_F(StoreTest, StateOfRemovedJobIsKept) {
+  JobRecord job = add_job("a");
+  EXPECT_EQ(*store().removed_state("a"), std::nullopt) << "it is not removed";
+  job.state = 6;
+  ASSERT_TRUE(store().update_job(job).ok());
+  ASSERT_TRUE(store().remove_job("a").ok());
+  open();
+  EXPECT_EQ(*store().removed_state("a"), 6);
+  EXPECT_EQ(*store().removed_state("nobody"), std::nullopt);
+}
+
 TEST_F(StoreTest, UnknownJobIsNotFound) {
   JobRecord job;
   job.id = "nobody";

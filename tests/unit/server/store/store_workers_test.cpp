@@ -18,6 +18,17 @@ TEST_F(StoreWorkersTest, BansPersist) {
   EXPECT_EQ(*store().banned_workers(), (std::vector<std::string>{"w1"}));
 }
 
+TEST_F(StoreWorkersTest, SettingsPersistByKind) {
+  EXPECT_TRUE(store().settings(SettingKind::limit)->empty());
+  ASSERT_TRUE(store().save_settings(SettingKind::limit, {{"a", "1"}, {"b", "2"}}).ok());
+  ASSERT_TRUE(store().save_settings(SettingKind::pool, {{"a", "night"}}).ok());
+  ASSERT_TRUE(store().save_settings(SettingKind::limit, {{"b", "3"}}).ok());
+  open();
+  EXPECT_EQ(*store().settings(SettingKind::limit), (Settings{{"b", "3"}}));
+  EXPECT_EQ(*store().settings(SettingKind::pool), (Settings{{"a", "night"}}));
+  EXPECT_TRUE(store().settings(SettingKind::use)->empty());
+}
+
 TEST_F(StoreWorkersTest, WorkersPersist) {
   ASSERT_TRUE(store().add_worker("w2", "second").ok());
   ASSERT_TRUE(store().add_worker("w1", "first").ok());

@@ -1,0 +1,126 @@
+// Jobs that wait for others, as a whole or frame by frame. What a dependency comes to follows from
+// the state of the other job alone, so it is the same after a restart.
+#include <algorithm>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "server/schedule/scheduler/scheduler.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr auto kFrames = Dependency::Kind::frames;
+
+bool has_frame_dependency(const JobSpec& spec) {
+  return std::any_of(spec.after.begin(), spec.after.end(),
+                     [](const Dependency& dependency) { return dependency.kind == kFrames; });
+}
+
+}  // namespace
+
+/// A job that is neither here nor known to be removed could not be read: its dependents wait.
+DependencyState Scheduler::state_of(const Dependency& dependency) const {
+  if (const Job* other = find_job(dependency.job_id)) {
+    return server::state_of(dependency.kind, other->state, false);
+  }
+  const auto removed = dependencies_.removed_state(dependency.job_id);
+  if (!removed) return DependencyState::waiting;
+  return server::state_of(dependency.kind, *removed, true);
+}
+
+bool Scheduler::is_frame_blocked(const Job& job, std::int32_t frame) const {
+  return std::any_of(job.spec->after.begin(), job.spec->after.end(),
+                     [&](const Dependency& dependency) {
+                       if (dependency.kind != kFrames) return false;
+                       const Job* other = find_job(dependency.job_id);
+                       if (other == nullptr) return state_of(dependency) != DependencyState::met;
+                       if (other->state == JobState::done) return false;
+                       return !other->plan || !other->plan->is_finished(frame);
+                     });
+}
+
+/// Blocks the job and its frames, or no longer. The caller calls refresh().
+void Scheduler::check_dependencies(Job& job) {
+  job.is_blocked = std::any_of(
+      job.spec->after.begin(), job.spec->after.end(),
+      [this](const Dependency& each) { return state_of(each) != DependencyState::met; });
+  if (!has_frame_dependency(*job.spec)) {
+    const std::set<std::int32_t> blocked = job.blocked_frames;
+    for (const std::int32_t frame : blocked) job.block_frame(frame, false);
+    return;
+  }
+  for (const std::int32_t frame : contract::frame_list(job.spec->settings.frames)) {
+    const bool is_blocked = is_frame_blocked(job, frame);
+    if (is_blocked != (job.blocked_frames.count(frame) > 0)) job.block_frame(frame, is_blocked);
+  }
+}
+
+/// Call after the job's state or its schedule has changed.
+void Scheduler::check_dependents(const Job& job) {
+  for (const JobKey key : dependencies_.dependents(job.spec->id)) {
+    Job& dependent = jobs_.at(key);
+    check_dependencies(dependent);
+    refresh(dependent);
+  }
+}
+
+/// Call after a frame of the job is finished.
+void Scheduler::check_dependents(const Job& job, std::int32_t frame) {
+  for (const JobKey key : dependencies_.dependents(job.spec->id)) {
+    Job& dependent = jobs_.at(key);
+    if (dependent.blocked_frames.count(frame) == 0 || is_frame_blocked(dependent, frame)) continue;
+    dependent.block_frame(frame, false);
+    refresh(dependent);
+  }
+}
+
+absl::Status Scheduler::check_possible(const Job& job) const {
+  for (const Dependency& dependency : job.spec->after) {
+    if (state_of(dependency) != DependencyState::impossible) continue;
+    return absl::FailedPreconditionError(absl::StrCat(
+        "job ", dependency.job_id, ", which had to be done before job ", job.spec->id,
+        ", was removed; `tessera set ", job.spec->id, " --no-after` drops the dependency, then `",
+        "tessera retry ", job.spec->id, "` starts the job"));
+  }
+  return absl::OkStatus();
+}
+
+void Scheduler::note_removed(const std::string& job_id, JobState state) {
+  const std::set<JobKey> dependents = dependencies_.dependents(job_id);
+  if (dependents.empty()) return;
+  dependencies_.note_removed(job_id, state);
+  for (const JobKey key : dependents) {
+    Job& dependent = jobs_.at(key);
+    check_dependencies(dependent);
+    refresh(dependent);
+    const absl::Status possible = check_possible(dependent);
+    if (!possible.ok()) fail_job(dependent, possible, now_);
+  }
+  dispatch_all(now_);
+}
+
+/// Returns what the job waits for, for its owner; "" if for no other job.
+std::string Scheduler::dependency_text(const Job& job) const {
+  for (const Dependency& dependency : job.spec->after) {
+    const Job* other = find_job(dependency.job_id);
+    const bool is_frames = dependency.kind == kFrames;
+    if (is_frames ? job.blocked_frames.empty() : state_of(dependency) == DependencyState::met) {
+      continue;
+    }
+    const std::string name = absl::StrCat("job ", dependency.job_id);
+    if (other == nullptr) return absl::StrCat("waits for ", name, ", which the server cannot read");
+    if (is_frames && other->state == JobState::done) continue;  // other frames wait for another job
+    if (has_ended(other->state)) {
+      return absl::StrCat("waits for ", name, ", which is ", state_name(other->state),
+                          ": `tessera retry ", dependency.job_id, "` resumes it, `tessera set ",
+                          job.spec->id, " --no-after` waits no longer");
+    }
+    const char* progress = is_frames                                  ? "to finish frames"
+                           : dependency.kind == Dependency::Kind::end ? "to end"
+                                                                      : "to be done";
+    return absl::StrCat("waits for ", name, " ", progress, "; it is ", state_name(other->state));
+  }
+  return "";
+}
+
+}  // namespace tessera::server

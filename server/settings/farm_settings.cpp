@@ -1,0 +1,156 @@
+#include "server/settings/farm_settings.h"
+
+#include <map>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace tessera::server {
+namespace {
+
+absl::Status no_such_limit(const std::string& name) {
+  return absl::NotFoundError(absl::StrCat("no limit \"", name, "\""));
+}
+
+Settings limit_rows(const Limits& limits) {
+  Settings rows;
+  for (const auto& [name, limit] : limits.all()) {
+    if (limit.units) rows[name] = absl::StrCat(*limit.units);
+  }
+  return rows;
+}
+
+Settings use_rows(const std::vector<UsageRow>& table) {
+  Settings rows;
+  for (const UsageRow& use : table) rows[use.owner] = absl::StrFormat("%.17g", use.cpu_seconds);
+  return rows;
+}
+
+}  // namespace
+
+absl::Status FarmSettings::load(FarmChange& change) {
+  const auto limits = store_.settings(SettingKind::limit);
+  if (!limits.ok()) return limits.status();
+  for (const auto& [name, value] : *limits) {
+    std::int64_t units = 0;
+    if (absl::SimpleAtoi(value, &units)) change.scheduler().set_limit(name, units, change.now());
+  }
+  const auto pools = store_.settings(SettingKind::pool);
+  if (!pools.ok()) return pools.status();
+  for (const auto& [worker, pool] : *pools) change.scheduler().move(worker, pool, change.now());
+  const auto use = store_.settings(SettingKind::use);
+  if (!use.ok()) return use.status();
+  std::vector<UsageRow> table;
+  for (const auto& [owner, value] : *use) {
+    double cpu_seconds = 0;
+    if (absl::SimpleAtod(value, &cpu_seconds)) table.push_back({owner, cpu_seconds});
+  }
+  change.scheduler().restore_usage(table, change.now());
+  return absl::OkStatus();
+}
+
+// Limits -----------------------------------------------------------------------------------------
+
+std::vector<LimitView> FarmSettings::limits() const {
+  const FarmView view(farm_);
+  std::vector<LimitView> limits;
+  for (const auto& [name, limit] : view.scheduler().limits().all()) {
+    if (limit.units) limits.push_back({name, *limit.units, limit.used});
+  }
+  return limits;
+}
+
+void FarmSettings::set_limit(const std::string& name, std::int64_t units,
+                             std::function<void(absl::StatusOr<LimitView>)> done) {
+  pipeline_.post([this, name, units, done = std::move(done)] { done(set_limit_now(name, units)); });
+}
+
+absl::StatusOr<LimitView> FarmSettings::set_limit_now(const std::string& name, std::int64_t units) {
+  Settings rows;
+  {
+    const FarmView view(farm_);
+    rows = limit_rows(view.scheduler().limits());
+  }
+  rows[name] = absl::StrCat(units);
+  if (rows.size() > kMaxLimits) {
+    return absl::ResourceExhaustedError(absl::StrCat("there are ", kMaxLimits, " limits already"));
+  }
+  if (absl::Status saved = store_.save_settings(SettingKind::limit, rows); !saved.ok()) {
+    return saved;
+  }
+  FarmChange change(farm_);
+  change.scheduler().set_limit(name, units, change.now());
+  change.log(LogLevel::info, absl::StrCat("limit ", name, " has ", units, " units"));
+  return LimitView{name, units, change.scheduler().limits().all().at(name).used};
+}
+
+void FarmSettings::remove_limit(const std::string& name, std::function<void(absl::Status)> done) {
+  pipeline_.post([this, name, done = std::move(done)] { done(remove_limit_now(name)); });
+}
+
+absl::Status FarmSettings::remove_limit_now(const std::string& name) {
+  Settings rows;
+  {
+    const FarmView view(farm_);
+    rows = limit_rows(view.scheduler().limits());
+  }
+  if (rows.erase(name) == 0) return no_such_limit(name);
+  if (absl::Status saved = store_.save_settings(SettingKind::limit, rows); !saved.ok()) {
+    return saved;
+  }
+  FarmChange change(farm_);
+  change.scheduler().remove_limit(name, change.now());
+  change.log(LogLevel::info, absl::StrCat("limit ", name, " is removed"));
+  return absl::OkStatus();
+}
+
+// Pools ------------------------------------------------------------------------------------------
+
+void FarmSettings::move_worker(const std::string& worker_id, const std::string& pool,
+                               std::function<void(absl::Status)> done) {
+  pipeline_.post(
+      [this, worker_id, pool, done = std::move(done)] { done(move_now(worker_id, pool)); });
+}
+
+absl::Status FarmSettings::move_now(const std::string& worker_id, const std::string& pool) {
+  Settings rows;
+  {
+    FarmChange change(farm_);
+    rows = change.scheduler().moved();
+    if (change.scheduler().find_worker(worker_id) == nullptr && rows.count(worker_id) == 0) {
+      return absl::NotFoundError(absl::StrCat("no worker \"", worker_id, "\""));
+    }
+  }
+  if (pool.empty()) {
+    rows.erase(worker_id);
+  } else {
+    rows[worker_id] = pool;
+  }
+  if (absl::Status saved = store_.save_settings(SettingKind::pool, rows); !saved.ok()) {
+    return saved;
+  }
+  FarmChange change(farm_);
+  change.scheduler().move(worker_id, pool, change.now());
+  const Worker* worker = change.scheduler().find_worker(worker_id);
+  const std::string now_in = worker != nullptr ? worker->pool : pool;
+  change.note(EventKind::worker_moved, worker_id, absl::StrCat("pool ", now_in));
+  change.log(LogLevel::info, absl::StrCat("worker ", worker_id, " is in pool ", now_in));
+  return absl::OkStatus();
+}
+
+// Use --------------------------------------------------------------------------------------------
+
+void FarmSettings::write_use(FarmChange& change) {
+  pipeline_.post_write(
+      [this, rows = use_rows(change.scheduler().usage(change.now()))] {
+        return store_.save_settings(SettingKind::use, rows);
+      },
+      [this](const absl::Status& status) {
+        if (status.ok()) return;
+        farm_.log(LogLevel::error, absl::StrCat("use of clients: ", status.ToString()));
+      });
+}
+
+}  // namespace tessera::server

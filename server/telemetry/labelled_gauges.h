@@ -1,0 +1,30 @@
+#pragma once
+
+#include <prometheus/family.h>
+#include <prometheus/gauge.h>
+
+#include <map>
+#include <mutex>
+#include <string>
+
+namespace tessera::server {
+
+/// Gauges of one metric whose label takes any value, such as the name of a pool. Thread-safe.
+class LabelledGauges {
+ public:
+  static constexpr std::size_t kMaxLabels = 200;
+
+  LabelledGauges(prometheus::Family<prometheus::Gauge>& family, std::string label)
+      : family_(family), label_(std::move(label)) {}
+
+  /// Replaces all gauges by these, at most kMaxLabels of them: clients choose names.
+  void set(const std::map<std::string, double>& values);
+
+ private:
+  prometheus::Family<prometheus::Gauge>& family_;
+  const std::string label_;
+  std::mutex mutex_;
+  std::map<std::string, prometheus::Gauge*> gauges_;  // by value of the label
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,178 @@
+// What happens to a simulated farm, and the rules of dependencies and limits.
+#include <algorithm>
+#include <chrono>
+
+#include "absl/strings/str_cat.h"
+#include "tests/unit/server/schedule/simulated_farm_parts.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr int kMaxJobs = 12;
+
+}  // namespace
+
+// Dependencies and limits -------------------------------------------------------------------------
+
+/// Lets the job wait for up to two others.
+void SimulatedFarm::add_dependencies(JobSpec& spec) {
+  const int count = 1 + dice_.below(2);
+  for (int i = 0; i < count; ++i) {
+    const auto other = store_.find(1 + dice_.below(static_cast<int>(last_job_)));
+    if (other == store_.end()) continue;
+    const auto kind = static_cast<Dependency::Kind>(1 + dice_.below(3));
+    const JobSpec& named = *other->second->spec;
+    const bool lacks_frames = named.settings.frames[0].last < spec.settings.frames[0].last;
+    if (kind == Dependency::Kind::frames && lacks_frames) continue;
+    spec.after.push_back({named.id, kind});
+  }
+}
+
+/// Returns whether a frame of a job with this dependency may be leased.
+bool SimulatedFarm::is_met(const Dependency& dependency, std::int32_t frame) const {
+  const auto removed = removed_.find(dependency.job_id);
+  const Job* other = scheduler_->find_job(dependency.job_id);
+  const JobState state = removed != removed_.end() ? removed->second : other->state;
+  if (state == JobState::done) return true;
+  switch (dependency.kind) {
+    case Dependency::Kind::success:
+      return false;
+    case Dependency::Kind::end:  // it may have been retried since the lease
+      return has_ended(state) || is_resumed_;
+    case Dependency::Kind::frames:
+      return other != nullptr && store_.at(other->key)->frames.count(frame) > 0;
+  }
+  return false;
+}
+
+/// Lets what workers brought back, and what was leased before a limit was lowered, run out.
+void SimulatedFarm::check_limits() {
+  const std::int64_t used = scheduler_->limits().all().at(kLimit).used;
+  events_.full_limits += used == limit_ ? 1 : 0;
+  if (used > std::max(limit_, excess_)) {
+    violate(absl::StrCat(used, " units of a limit of ", limit_, " are in use"));
+  }
+  excess_ = std::min(excess_, std::max(limit_, used));
+}
+
+void SimulatedFarm::retry(Job& job) {
+  if (!scheduler_->retry(job, now_).ok()) violate("cannot retry");
+  finish_frames(job);
+}
+
+/// Ends what would keep jobs from being done: pauses, jobs that others wait for and that were
+/// cancelled, jobs that others wait for and that are gone.
+void SimulatedFarm::resume_all() {
+  is_resumed_ = true;
+  for (const auto& [key, stored] : store_) {
+    Job& job = *scheduler_->find_job(key);
+    if (job.state == JobState::failed) {
+      ++events_.impossible;
+      auto spec = std::make_shared<JobSpec>(*job.spec);
+      spec->after.clear();
+      stored->spec = spec;
+      scheduler_->change(job, spec, now_);
+    }
+    if (job.state == JobState::paused) scheduler_->resume(job, now_).IgnoreError();
+    if (job.state == JobState::cancelled || job.state == JobState::failed) retry(job);
+  }
+}
+
+// Faults ------------------------------------------------------------------------------------------
+
+void SimulatedFarm::disturb_jobs() {
+  const JobKey key = 1 + dice_.below(static_cast<int>(last_job_));
+  Job* job = scheduler_->find_job(key);
+  if (job == nullptr) return;
+  switch (dice_.below(6)) {
+    case 4:
+      change_job(*job);
+      break;
+    case 5:
+      if (dice_.one_in(5)) scheduler_->cancel(*job, now_).IgnoreError();
+      if (has_ended(job->state)) remove_job(key);
+      break;
+    case 0:
+      scheduler_->pause(*job, "asked", now_).IgnoreError();
+      break;
+    case 1:
+    case 2:
+      scheduler_->resume(*job, now_).IgnoreError();
+      break;
+    default:
+      if (dice_.one_in(3)) scheduler_->cancel(*job, now_).IgnoreError();
+      break;
+  }
+}
+
+/// Changes the order, the requirements and the limits of a job.
+void SimulatedFarm::change_job(Job& job) {
+  if (job.state == JobState::done) return;
+  auto spec = std::make_shared<JobSpec>(*job.spec);
+  spec->priority = dice_.below(5) - 2;
+  spec->max_workers = dice_.one_in(3) ? 1 + dice_.below(3) : 0;
+  spec->required_tag = kTags[dice_.below(3)];
+  spec->pool = kPools[dice_.below(2)];
+  spec->limits.clear();
+  if (dice_.one_in(2)) spec->limits = {{kLimit, 1 + dice_.below(2)}};
+  if (dice_.one_in(4)) spec->after.clear();
+  store_.at(job.key)->spec = spec;
+  scheduler_->change(job, spec, now_);
+  if (job.state == JobState::failed && scheduler_->check_possible(job).ok()) {
+    retry(job);
+  }
+  excess_ = std::max(excess_, scheduler_->limits().all().at(kLimit).used);
+}
+
+void SimulatedFarm::remove_job(JobKey key) {
+  ++events_.removals;
+  removed_[store_.at(key)->spec->id] = scheduler_->find_job(key)->state;
+  store_.erase(key);
+  scheduler_->remove_job(key);
+}
+
+void SimulatedFarm::disturb() {
+  if (last_job_ < kMaxJobs && dice_.one_in(20)) add_job();
+  if (dice_.one_in(40)) disturb_jobs();
+  if (computers_.size() < 9 && dice_.one_in(15)) {
+    const bool is_faulty = dice_.one_in(3);
+    add_computer(is_faulty ? "faulty" : absl::StrCat("honest", dice_.below(4)), is_faulty, false);
+  }
+  if (dice_.one_in(150)) restart_server();
+  for (auto& [id, computer] : computers_) {
+    if (dice_.one_in(60)) lose_stream(*computer);
+    if (computer->is_anchor || !dice_.one_in(80)) continue;
+    ++events_.crashes;  // silent, its work is gone; it may come back
+    computer->is_up = !computer->is_up;
+    computer->tasks.clear();
+    lose_stream(*computer);
+  }
+  if (dice_.one_in(100)) {
+    ++events_.moves;
+    const auto computer =
+        std::next(computers_.begin(), dice_.below(static_cast<int>(computers_.size())));
+    if (!computer->second->is_anchor) {
+      const std::string pool = dice_.one_in(3) ? "" : dice_.one_in(2) ? "p" : kDefaultPool;
+      moved_[computer->first] = pool;
+      scheduler_->move(computer->first, pool, now_);
+    }
+  }
+  if (dice_.one_in(100)) {
+    limit_ = 2 + dice_.below(4);
+    scheduler_->set_limit(kLimit, limit_, now_);
+    excess_ = std::max(excess_, scheduler_->limits().all().at(kLimit).used);
+  }
+  if (dice_.one_in(50)) {
+    const auto computer =
+        std::next(computers_.begin(), dice_.below(static_cast<int>(computers_.size())));
+    if (!computer->second->is_anchor && computer->second->is_connected) {
+      if (dice_.one_in(2)) scheduler_->drain(computer->first);
+      scheduler_->allow(computer->first, now_);
+      for (const std::string& name : scheduler_->names_to_ban(computer->first)) {
+        bans_.erase(name);
+      }
+    }
+  }
+}
+
+}  // namespace tessera::server
