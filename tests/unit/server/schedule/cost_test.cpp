@@ -175,5 +175,16 @@ TEST(WaitReason, RestartWaitsForKnownWorkers) {
   EXPECT_EQ(farm.scheduler.wait_reason(job), WaitReason::restart);
 }
 
+TEST(WaitReason, RestartEndsWithItsGrace) {
+  SchedulerHarness farm({"w1", "w2"});
+  Job& job = farm.queue_job({.tiles = 4});
+  farm.queue_job({.tiles = 2, .priority = 1});  // takes both credits
+  farm.connect("w1", {.threads = 1, .credits = 1});
+  farm.now += SchedulePolicy().restart_grace;
+  farm.connect("w3", {.threads = 1, .credits = 1});  // before a timer runs
+  farm.scheduler.offer_work(farm.now);
+  EXPECT_EQ(farm.scheduler.wait_reason(job), WaitReason::farm_busy);
+}
+
 }  // namespace
 }  // namespace tessera::server
