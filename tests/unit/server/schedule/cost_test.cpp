@@ -168,6 +168,13 @@ TEST(WaitReason, SayThatAnotherOwnerHasUsedLess) {
   EXPECT_EQ(farm.scheduler.wait_reason(of_ann), WaitReason::share);
 }
 
+TEST(Demand, RemovedJobLeavesThatOfOthers) {
+  SchedulerHarness farm;
+  for (int i = 0; i < 3; ++i) farm.queue_job({.tiles = 4});
+  farm.scheduler.remove_job(1);
+  EXPECT_EQ(farm.scheduler.demand("ann").jobs, 2);
+}
+
 TEST(WaitReason, RestartWaitsForKnownWorkers) {
   SchedulerHarness farm({"w1", "w2"});
   Job& job = farm.add_job({.tiles = 4});
