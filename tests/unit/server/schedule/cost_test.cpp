@@ -175,6 +175,16 @@ TEST(Demand, RemovedJobLeavesThatOfOthers) {
   EXPECT_EQ(farm.scheduler.demand("ann").jobs, 2);
 }
 
+TEST(Contribution, RestoredPartsAddUp) {
+  SchedulerHarness farm;
+  Job& job = farm.queue_job({.tiles = 4});
+  farm.scheduler.restore_contribution(job, "w1", {2, 3});
+  farm.scheduler.restore_contribution(job, "w1", {1, 4});
+  EXPECT_EQ(job.contributions.at("w1").units, 3);
+  EXPECT_EQ(job.contributions.at("w1").cpu_seconds, 7);
+  EXPECT_EQ(job.counters.cpu_seconds, 7);
+}
+
 TEST(WaitReason, RestartWaitsForKnownWorkers) {
   SchedulerHarness farm({"w1", "w2"});
   Job& job = farm.add_job({.tiles = 4});
