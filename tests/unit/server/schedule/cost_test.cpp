@@ -168,11 +168,39 @@ TEST(WaitReason, SayThatAnotherOwnerHasUsedLess) {
   EXPECT_EQ(farm.scheduler.wait_reason(of_ann), WaitReason::share);
 }
 
+TEST(Demand, RemovedJobLeavesThatOfOthers) {
+  SchedulerHarness farm;
+  for (int i = 0; i < 3; ++i) farm.queue_job({.tiles = 4});
+  farm.scheduler.remove_job(1);
+  EXPECT_EQ(farm.scheduler.demand("ann").jobs, 2);
+}
+
+TEST(Contribution, RestoredPartsAddUp) {
+  SchedulerHarness farm;
+  Job& job = farm.queue_job({.tiles = 4});
+  farm.scheduler.restore_contribution(job, "w1", {2, 3});
+  farm.scheduler.restore_contribution(job, "w1", {1, 4});
+  EXPECT_EQ(job.contributions.at("w1").units, 3);
+  EXPECT_EQ(job.contributions.at("w1").cpu_seconds, 7);
+  EXPECT_EQ(job.counters.cpu_seconds, 7);
+}
+
 TEST(WaitReason, RestartWaitsForKnownWorkers) {
   SchedulerHarness farm({"w1", "w2"});
   Job& job = farm.add_job({.tiles = 4});
   farm.connect("w1");
   EXPECT_EQ(farm.scheduler.wait_reason(job), WaitReason::restart);
+}
+
+TEST(WaitReason, RestartEndsWithItsGrace) {
+  SchedulerHarness farm({"w1", "w2"});
+  Job& job = farm.queue_job({.tiles = 4});
+  farm.queue_job({.tiles = 2, .priority = 1});  // takes both credits
+  farm.connect("w1", {.threads = 1, .credits = 1});
+  farm.now += SchedulePolicy().restart_grace;
+  farm.connect("w3", {.threads = 1, .credits = 1});  // before a timer runs
+  farm.scheduler.offer_work(farm.now);
+  EXPECT_EQ(farm.scheduler.wait_reason(job), WaitReason::farm_busy);
 }
 
 }  // namespace

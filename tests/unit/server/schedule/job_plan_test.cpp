@@ -90,6 +90,15 @@ TEST(JobPlan, FinishedFrameCountsAsCommitted) {
   EXPECT_EQ(take(plan, 1, 1).front(), (Unit{1, 0, 0}));
 }
 
+TEST(JobPlan, FinishingAgainOrAnotherFrameCountsNothing) {
+  JobPlan plan = plan_of({0, 1}, 2, 1);
+  plan.finish(0);
+  plan.finish(0);
+  plan.finish(7);  // not of this job
+  EXPECT_EQ(plan.committed_count(), 2);
+  EXPECT_EQ(plan.unit_count(), 4);
+}
+
 TEST(JobPlan, RefusedUnitIsKeptForOthers) {
   JobPlan plan = plan_of({0}, 2, 1);
   const auto not_the_first = [](const Unit& unit) { return unit.tile != 0; };
