@@ -45,7 +45,7 @@ struct SimulatedFarm::Stored {
   std::shared_ptr<const JobSpec> spec;
   JobState state = JobState::queued;
   std::map<contract::Unit, StoredUnit> units;  // committed, acknowledged
-  std::set<std::int32_t> frames;     // finished
+  std::set<std::int32_t> frames;               // finished
 };
 
 struct SimulatedFarm::Write {
