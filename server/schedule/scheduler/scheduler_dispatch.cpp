@@ -68,7 +68,8 @@ JobKey Scheduler::next_full_job(const Worker& worker,
 /// Returns the next job of the queue or, if another worker serves that one, a job of the same owner
 /// and priority whose scene this worker has.
 JobKey Scheduler::next_job(const Worker& worker, const std::function<bool(JobKey)>& may) {
-  const Names queues = queues_for(worker);
+  Names open;  // a worker's own set suffices while no limit is in use
+  const Names& queues = limited_.empty() ? worker.serves : (open = queues_for(worker));
   const JobQueue::Seeker seeker{queues, may};
   const JobKey next = queue_.next(seeker, now_);
   const JobKey full = next_full_job(worker, may);
@@ -98,7 +99,8 @@ JobKey Scheduler::choose_job(const Worker& worker, const std::set<JobKey>& refus
   if (current == nullptr) return next_job(worker, may);
   const bool has_paid_off =
       worker.load_seconds && worker.seconds_in_job >= policy_.load_factor * *worker.load_seconds;
-  const Names queues = queues_for(worker);
+  Names open;  // a worker's own set suffices while no limit is in use
+  const Names& queues = limited_.empty() ? worker.serves : (open = queues_for(worker));
   const JobQueue::Seeker seeker{queues, may};
   if (!has_paid_off && !queue_.has_above(current->spec->priority, seeker, now_)) {
     return current->key;

@@ -66,7 +66,7 @@ void SimulatedFarm::resume_all() {
   is_resumed_ = true;
   for (const auto& [key, stored] : store_) {
     Job& job = *scheduler_->find_job(key);
-    if (job.state == JobState::failed) {
+    if (job.state != JobState::done && !scheduler_->check_possible(job).ok()) {
       ++events_.impossible;
       auto spec = std::make_shared<JobSpec>(*job.spec);
       spec->after.clear();
