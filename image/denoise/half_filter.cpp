@@ -247,8 +247,8 @@ class WindowFilter {
     std::ptrdiff_t position;
     Lanes weight, terms[kHalfFeatures];
   };
-  static constexpr std::size_t kNeighbours =
-      (2 * P::kRegressionRadius + 1) * (2 * P::kRegressionRadius + 1);
+  static constexpr std::size_t kRegressionSide = 2 * P::kRegressionRadius + 1;
+  static constexpr std::size_t kNeighbours = kRegressionSide * kRegressionSide;
 
   void find_neighbours(std::int32_t y, std::size_t x, std::ptrdiff_t p,
                        Neighbour (&neighbours)[kNeighbours]) {

@@ -281,7 +281,11 @@ absl::StatusOr<ordered_json> measure(const Options& options) {
   SeededRenderer renderer(options.scene, options.settings);
   if (absl::Status status = renderer.load(); !status.ok()) return status;
   const contract::TileGrid grid(options.settings);
-  const auto reference = render_reference(renderer, grid, options.reference_spp);
+  contract::RenderSettings plain = options.settings;
+  plain.aovs = 0;  // render_fixed() merges blocks without layers
+  SeededRenderer reference_renderer(options.scene, plain);
+  if (absl::Status status = reference_renderer.load(); !status.ok()) return status;
+  const auto reference = render_reference(reference_renderer, grid, options.reference_spp);
   if (!reference.ok()) return reference.status();
   const double reference_done = cpu_seconds();
   std::vector<Outcome> outcomes;
