@@ -113,7 +113,7 @@ int packet_mismatches(const Scene& scene, int packets, std::uint32_t seed, int* 
         const bool got = (found >> k & 1) != 0;
         if (got != expected || (got && !same_bits(together[k], alone))) ++wrong;
         if (((any >> k & 1) != 0) != expected) ++wrong;
-        if (hits != nullptr && expected) ++*hits;
+        if (hits != nullptr && expected && &accel == &accels.front()) ++*hits;
       }
     }
   }
@@ -127,7 +127,7 @@ TEST(RayPackets, MatchSingleRays) {
   EXPECT_EQ(packet_mismatches(scene_of({terrain(40, dice)}), 300, 122, &hits), 0);
   EXPECT_EQ(packet_mismatches(scene_of({needles(1'000, dice)}), 300, 123, &hits), 0);
   EXPECT_EQ(packet_mismatches(scene_of({uv_sphere(24, 32, 1)}), 300, 124, &hits), 0);
-  EXPECT_GT(hits, 30'000) << "too few rays hit for a meaningful test";
+  EXPECT_GT(hits, 15'000) << "too few rays hit for a meaningful test";
 }
 
 TEST(RayPackets, MatchSingleRaysOnInstances) {
