@@ -108,7 +108,8 @@ struct StoreOptions {
   /// Called with a line about a file that does not belong to the store, while it is opened. Empty:
   /// prints the line to stderr.
   std::function<void(const std::string&)> warn;
-  /// Called with the duration of each fdatasync of blocks and assets, on any thread. May be empty.
+  /// Called with the duration of each fdatasync of blocks and assets and of each commit of rows, on
+  /// any thread. May be empty.
   std::function<void(double seconds)> synced;
 };
 

@@ -31,9 +31,7 @@ absl::Status DurableFiles::fail_sync(const std::string& message) {
 absl::Status DurableFiles::sync(File& file) {
   const auto started = std::chrono::steady_clock::now();
   absl::Status synced = file.sync();
-  if (synced_) {
-    synced_(std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count());
-  }
+  note_sync(std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count());
   return synced.ok() ? synced : fail_sync(std::string(synced.message()));
 }
 

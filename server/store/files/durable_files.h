@@ -19,7 +19,7 @@ namespace tessera::server {
 class DurableFiles {
  public:
   /// `fatal` is called with a message when a sync fails and must not return; if it does, in a test,
-  /// all later writes fail. `synced` is called with the duration of each sync of a file.
+  /// all later writes fail. `synced` is called with the duration of each sync of a file or journal.
   DurableFiles(Filesystem& filesystem, std::function<void(const std::string&)> fatal,
                std::function<void(double seconds)> synced = {});
 
@@ -31,6 +31,10 @@ class DurableFiles {
   absl::Status fail_sync(const std::string& message);
 
   absl::Status sync(File& file);
+  /// Reports the duration of a sync that another library did.
+  void note_sync(double seconds) const {
+    if (synced_) synced_(seconds);
+  }
   absl::Status sync_folder(const std::string& path);
 
   /// Creates `parent`/`name` and syncs the parent, once per process: an existing directory may come

@@ -2,6 +2,7 @@
 
 #include <sqlite3.h>
 
+#include <chrono>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -198,7 +199,10 @@ absl::Status Database::transact(const std::function<absl::Status()>& body) {
   undone_ = absl::OkStatus();
   absl::Status status = body();
   if (!undone_.ok()) return undone_;
+  const auto started = std::chrono::steady_clock::now();
   if (status.ok()) status = run("COMMIT");
+  commit_seconds_ =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   if (!status.ok() && sqlite3_get_autocommit(connection_.get()) == 0) {
     run("ROLLBACK").IgnoreError();  // the first error is returned
   }

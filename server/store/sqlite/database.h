@@ -78,6 +78,8 @@ class Database {
   std::int64_t changes() const;
   std::int64_t last_row_id() const;
 
+  /// Duration of the COMMIT of the last transact(): a sync of the write-ahead log.
+  double commit_seconds() const { return commit_seconds_; }
   /// Pages in the write-ahead log after the last commit.
   int wal_pages() const { return wal_pages_; }
   /// Copies the log into the file as far as readers allow, and syncs both.
@@ -100,6 +102,7 @@ class Database {
   std::unique_ptr<sqlite3, Closer> connection_;
   std::map<std::string, std::unique_ptr<sqlite3_stmt, Finalizer>, std::less<>> statements_;
   int wal_pages_ = 0;
+  double commit_seconds_ = 0;
   absl::Status undone_;  // why SQLite has undone the open transaction; OK: it has not
 };
 

@@ -37,6 +37,7 @@ absl::Status Journal::write(const std::function<absl::Status(Database&)>& body) 
   if (is_together_) return writer_->transact_part([&] { return body(*writer_); });
   absl::Status status = after_sync(writer_->transact([&] { return body(*writer_); }));
   if (!status.ok()) return status;
+  files_.note_sync(writer_->commit_seconds());
   return maintain();
 }
 
@@ -49,6 +50,7 @@ absl::Status Journal::write_together(const std::function<void()>& body) {
     return absl::OkStatus();
   }));
   if (!status.ok()) return status;
+  files_.note_sync(writer_->commit_seconds());
   return maintain();
 }
 
