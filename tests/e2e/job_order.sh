@@ -31,16 +31,16 @@ has_frame() { [ "$(progress_of "$first" frames_finished)" -ge 1 ]; }
 wait_until 120 "a frame of the first job is finished" has_frame
 restart # in the middle
 exits 0 farm watch third
-# Images are written in the order in which frames are finished.
+# Small images are rows, in the order in which frames are finished.
 python3 - "$work/store" "$first" "$second" "$third" <<'END' || fail "frames are not finished in order"
-import os, sqlite3, sys
+import sqlite3, sys
 store, *jobs = sys.argv[1:]
 rows = sqlite3.connect(f"file:{store}/store.db?mode=ro", uri=True).execute(
-    "SELECT jobs.id, frame, file FROM frames JOIN jobs ON jobs.sequence = frames.job")
-at = {(job, frame): os.stat(f"{store}/outputs/{job}/{file}").st_mtime_ns for job, frame, file in rows}
+    "SELECT jobs.id, frame, images.rowid FROM images JOIN jobs ON jobs.sequence = images.job")
+at = {(job, frame): position for job, frame, position in rows}
 first, second, third = jobs
 for frame in range(3):
-    assert at[first, frame] <= at[second, frame] <= at[third, 0], (frame, at)
+    assert at[first, frame] < at[second, frame] < at[third, 0], (frame, at)
 END
 say "frames and jobs are finished in order, over a kill of the server"
 farm report first --json >"$work/first.json"
