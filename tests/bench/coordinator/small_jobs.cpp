@@ -1,6 +1,7 @@
-/// bench_coordinator_small_jobs: many clients create many small jobs, which simulated workers finish.
-/// Prints jobs per second from the first CreateJob to the last finished job, and percentiles of the
-/// latency of CreateJob and of the time from CreateJob's answer to the end of the job.
+/// bench_coordinator_small_jobs: many clients create many small jobs, which simulated workers
+/// finish. Prints jobs per second from the first CreateJob to the last finished job, and
+/// percentiles of the latency of CreateJob and of the time from CreateJob's answer to the end of
+/// the job.
 #include <grpcpp/grpcpp.h>
 #include <unistd.h>
 
@@ -141,8 +142,8 @@ bool fill_queue(const Options& options, const std::shared_ptr<grpc::Channel>& ch
     threads.emplace_back([&] {
       const auto stub = v1::JobService::NewStub(channel);
       for (int k = next++; k < options.queued && !failed; k = next++) {
-        auto request = job_request(
-            scene, "queued-" + std::to_string(getpid()) + "-" + std::to_string(k));
+        auto request =
+            job_request(scene, "queued-" + std::to_string(getpid()) + "-" + std::to_string(k));
         request.set_required_tag("nobody");
         if (create(*stub, options, request).empty()) failed = true;
       }
