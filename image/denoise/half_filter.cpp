@@ -43,7 +43,7 @@ std::size_t size_of(std::int32_t value) {
   return static_cast<std::size_t>(value);
 }
 
-/// What distances are measured on: colours, their noise, and the tolerance of each pixel.
+/// Inputs of the distance between patches: colours, their noise, and the tolerance of each pixel.
 struct Guidance {
   std::array<const float*, 3> colour{};
   const float* noise = nullptr;

@@ -55,7 +55,7 @@ class CommitPipeline final : public EffectHandler {
     Answer done;
     std::function<void()> apart;
   };
-  /// What one round of the thread writes.
+  /// The writes of one round of the thread.
   struct Round {
     std::set<JobKey> changed;
     std::vector<std::pair<std::string, bool>> roster;  // worker ID; true: joined, false: gone

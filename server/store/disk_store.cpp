@@ -159,7 +159,7 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
   });
   if (!status.ok()) return status;
   return after_write([this, job_id, bytes = *freed] {
-    row_bytes_.erase(job_id);
+    job_bytes_.erase(job_id);
     content_bytes_ -= bytes;
     absl::Status removed = segments_.remove_job(job_id);
     removed.Update(files_.remove_folder(absl::StrCat(folder_, "/outputs/", job_id)));
@@ -224,8 +224,8 @@ absl::Status DiskStore::commit(std::vector<Commit>& group) {
   if (!status.ok()) return status;
   std::int64_t added = 0;  // to segments
   for (const Commit& commit : group) {
-    const std::int64_t bytes = commit.record.stored_bytes;
-    (commit.record.segment == kInRow ? row_bytes_[commit.job_id] : added) += bytes;
+    job_bytes_[commit.job_id] += commit.record.stored_bytes;
+    if (commit.record.segment != kInRow) added += commit.record.stored_bytes;
   }
   return after_write([this, added] {
     content_bytes_ += added;
@@ -233,11 +233,11 @@ absl::Status DiskStore::commit(std::vector<Commit>& group) {
   });
 }
 
-/// Whether these blocks are small, and with them the job's blocks in rows. A job that has outgrown
-/// the rows does not return to them in this process.
+/// Whether these blocks are small, and the job with them. A job that has outgrown the rows does not
+/// return to them in this process.
 bool DiskStore::fits_rows(const std::string& job_id, const std::vector<Commit*>& units) const {
-  const auto found = row_bytes_.find(job_id);
-  std::int64_t sum = found == row_bytes_.end() ? 0 : found->second;
+  const auto found = job_bytes_.find(job_id);
+  std::int64_t sum = found == job_bytes_.end() ? 0 : found->second;
   for (const Commit* unit : units) {
     const auto bytes = static_cast<std::int64_t>(unit->block.size());
     if (bytes > options_.row_block_bytes) return false;
@@ -434,7 +434,7 @@ absl::Status DiskStore::close_job(const std::string& job_id) {
   });
   if (!status.ok()) return status;
   return after_write([this, job_id, bytes = *freed, end = job->next_segment] {
-    row_bytes_.erase(job_id);
+    job_bytes_.erase(job_id);
     content_bytes_ -= bytes;
     return segments_.release(job_id, end);
   });

@@ -144,8 +144,8 @@ class DiskStore final : public Store {
   std::atomic<std::int64_t> content_bytes_ = 0;                // segments and finished frames
   std::vector<std::function<absl::Status()>> after_together_;  // once the transaction is durable
   bool at_any_cost_ = false;  // write_together() includes a write_at_any_cost()
-  // Bytes of blocks that this process put into rows, by jobs that are not closed; writer only.
-  std::map<std::string, std::int64_t> row_bytes_;
+  // Bytes of blocks that this process has committed, by jobs that are not closed; writer only.
+  std::map<std::string, std::int64_t> job_bytes_;
 };
 
 }  // namespace tessera::server

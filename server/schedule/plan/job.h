@@ -75,7 +75,7 @@ struct JobCounters {
   contract::TraversalCounts cost;      // of committed units
 };
 
-/// What loading a frame of a job cost a worker.
+/// Time and memory that a worker needed to load a frame of a job.
 struct SceneLoad {
   double load_seconds = 0, build_seconds = 0;
   std::int64_t peak_rss_bytes = 0;
@@ -83,7 +83,7 @@ struct SceneLoad {
   std::int64_t accelerator_bytes = 0;
 };
 
-/// What a job may need at most, and the sum over an owner's unfinished jobs.
+/// The most that a job may need, or the sum of that over an owner's unfinished jobs.
 struct Demand {
   std::int64_t jobs = 0;
   double store_bytes = 0, samples = 0;

@@ -33,7 +33,7 @@ class Dependencies {
   std::set<JobKey> none_;  // what dependents() returns for other jobs
 };
 
-/// What a dependency comes to.
+/// State of a dependency.
 enum class DependencyState {
   waiting,
   met,

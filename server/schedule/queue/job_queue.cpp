@@ -173,7 +173,7 @@ void JobQueue::advance(Time now) {
   sort();
 }
 
-/// Returns the job of the owner who has waited longest, if that is too long.
+/// Returns the job of the owner that has waited longest, if that exceeds max_wait; otherwise 0.
 JobKey JobQueue::overdue(const Seeker& seeker, Time now) {
   JobKey best = 0;
   Time since = now;

@@ -19,7 +19,7 @@ struct SharePolicy {
   Duration half_life = std::chrono::hours(1);   // after which use counts half
   Duration catch_up = std::chrono::minutes(1);  // work of the whole farm by which an owner who
                                                 // comes back may lag behind the others
-  Duration max_wait = std::chrono::minutes(5);  // an owner who has waited this long goes first
+  Duration max_wait = std::chrono::minutes(5);  // an owner that has waited this long goes first
   std::map<std::string, double> weights;        // by owner; others have 1
 };
 
@@ -69,12 +69,12 @@ class JobQueue {
   /// Keeps positions finite and forgets what has faded. Call every few minutes or more often.
   void advance(Time now);
 
-  /// Returns the next job for a worker: of an owner who has waited too long, else of the highest
-  /// priority that has a job it may work for, the owner with the least use (ties: by name), and
-  /// that owner's oldest job. 0 if there is none.
+  /// Returns the next job for a worker, among the jobs that it may work for; 0 if there is none. A
+  /// job of an owner that has waited longer than max_wait comes first. Otherwise it is the oldest
+  /// job of the owner with the least use (ties: by name) at the highest priority.
   JobKey next(const Seeker& seeker, Time now = {});
   /// Returns whether a job precedes those of `priority` for the worker: of a higher priority, or of
-  /// an owner who has waited too long.
+  /// an owner that has waited longer than max_wait.
   bool has_above(std::int32_t priority, const Seeker& seeker, Time now = {});
   /// Returns the oldest job with this priority, owner and scene that the worker may work for; 0 if
   /// there is none.

@@ -69,7 +69,7 @@ enum class WaitReason : std::uint8_t {
   restart,       // after a restart, workers that hold leases may come back
   limit,         // all units of a limit are in use
   priority,      // jobs of higher priority go first
-  share,         // an owner who has used less goes first
+  share,         // an owner that has used less goes first
   older_job,     // an older job of the same owner goes first
   other_worker,  // its waiting units failed; they wait for another worker
   farm_busy,     // all workers are busy

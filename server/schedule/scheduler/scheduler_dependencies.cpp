@@ -1,4 +1,4 @@
-// Jobs that wait for others, as a whole or frame by frame. What a dependency comes to follows from
+// Jobs that wait for others, as a whole or frame by frame. The state of a dependency follows from
 // the state of the other job alone, so it is the same after a restart.
 #include <algorithm>
 #include <set>
@@ -39,7 +39,7 @@ bool Scheduler::is_frame_blocked(const Job& job, std::int32_t frame) const {
                      });
 }
 
-/// Blocks the job and its frames, or no longer. The caller calls refresh().
+/// Blocks or unblocks the job and its frames. The caller calls refresh().
 void Scheduler::check_dependencies(Job& job) {
   job.is_blocked = std::any_of(
       job.spec->after.begin(), job.spec->after.end(),

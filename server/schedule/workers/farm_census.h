@@ -13,7 +13,7 @@ namespace tessera::server {
 /// at a time. Pure.
 class FarmCensus {
  public:
-  /// Of the workers with one tag.
+  /// Sums over the workers with one tag.
   struct Count {
     std::int32_t threads = 0;
     std::map<std::string, std::int32_t> hosts, witnesses;  // workers on each, of each

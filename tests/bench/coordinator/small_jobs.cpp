@@ -167,7 +167,7 @@ void watch_events(v1::JobService::Stub& stub, grpc::ClientContext& context, Open
   reader->Finish();
 }
 
-/// What the clients saw.
+/// Results of all clients.
 struct Outcome {
   std::vector<double> create;
   Clock::time_point start;

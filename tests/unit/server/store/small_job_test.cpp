@@ -66,6 +66,10 @@ TEST_F(SmallJobTest, JobThatGrowsContinuesInSegments) {
     for (Commit& unit : commit("a", frame, 5, 10'000)) all.push_back(std::move(unit));
   }
   EXPECT_EQ(file_count("segments"), 1);
+  for (Commit& unit : commit("a", 4, 1, 100)) {  // small, but the job is not
+    EXPECT_GE(unit.record.segment, 0);
+    all.push_back(std::move(unit));
+  }
   for (const Commit& unit : all) {
     EXPECT_EQ(store().read_block("a", unit.record).value_or(""), unit.block);
   }
