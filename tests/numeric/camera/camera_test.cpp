@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <random>
 
 #include "tests/support/scene/plain_scene.h"
@@ -20,7 +21,6 @@ using render::Vec2f;
 using render::Vec3d;
 using render::Vec3f;
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr std::int32_t kWidth = 64, kHeight = 48;
 /// A float direction is within 2^-24 per component of the true one, so within 2e-7 rad; the
 /// narrowest pixel below is 0.02 rad wide.
@@ -60,14 +60,15 @@ Scene curved(Camera::Kind kind, double horizontal, double vertical) {
 }
 
 TEST(PanoramicCamera, RaysFollowProjectionFormula) {
-  for (const Camera& camera : {curved(Camera::Kind::spherical, 2 * kPi, kPi).camera,
-                               curved(Camera::Kind::spherical, 1.3, 1).camera,
-                               curved(Camera::Kind::cylindrical, 2 * kPi, 2).camera,
-                               curved(Camera::Kind::cylindrical, 2, 3).camera,
-                               curved(Camera::Kind::equidistant, kPi, kPi).camera,
-                               curved(Camera::Kind::equidistant, 1.9 * kPi, 1.9 * kPi).camera,
-                               curved(Camera::Kind::equisolid, kPi, kPi).camera,
-                               curved(Camera::Kind::equisolid, 1.9 * kPi, 1.9 * kPi).camera}) {
+  for (const Camera& camera :
+       {curved(Camera::Kind::spherical, 2 * std::numbers::pi, std::numbers::pi).camera,
+        curved(Camera::Kind::spherical, 1.3, 1).camera,
+        curved(Camera::Kind::cylindrical, 2 * std::numbers::pi, 2).camera,
+        curved(Camera::Kind::cylindrical, 2, 3).camera,
+        curved(Camera::Kind::equidistant, std::numbers::pi, std::numbers::pi).camera,
+        curved(Camera::Kind::equidistant, 1.9 * std::numbers::pi, 1.9 * std::numbers::pi).camera,
+        curved(Camera::Kind::equisolid, std::numbers::pi, std::numbers::pi).camera,
+        curved(Camera::Kind::equisolid, 1.9 * std::numbers::pi, 1.9 * std::numbers::pi).camera}) {
     const CameraRays rays(camera, kWidth, kHeight);
     int seen = 0;
     for (double y = 0.37; y < kHeight; ++y) {
@@ -93,7 +94,7 @@ TEST(PanoramicCamera, RaysFollowProjectionFormula) {
 }
 
 TEST(PanoramicCamera, FisheyeIsBlackOutsideCircle) {
-  Scene scene = curved(Camera::Kind::equidistant, kPi, kPi);
+  Scene scene = curved(Camera::Kind::equidistant, std::numbers::pi, std::numbers::pi);
   set_constant_sky(&scene, 1);
   const Picture picture = render_picture(scene, small_settings(40, 20, 4));
   EXPECT_EQ(picture.at(20, 10).x, 1);
@@ -222,9 +223,9 @@ TEST(Camera, ObjectsBehindItAreInvisible) {
                           Camera::Kind::equidistant, Camera::Kind::equisolid}) {
     Scene screen = empty_scene();
     screen.camera.kind = kind;
-    screen.camera.horizontal_angle = screen.camera.vertical_angle = kPi - 1e-3;
+    screen.camera.horizontal_angle = screen.camera.vertical_angle = std::numbers::pi - 1e-3;
     EXPECT_EQ(seen(screen), 0);
-    screen.camera.horizontal_angle = 1.9 * kPi;  // sees behind itself
+    screen.camera.horizontal_angle = 1.9 * std::numbers::pi;  // sees behind itself
     EXPECT_GT(seen(screen), 0);
   }
 }
@@ -243,9 +244,9 @@ TEST(Aperture, SamplesAreUniformOverPolygon) {
       const render::AperturePoint p = aperture_point(lens, u);
       x += p.x, y += p.y, square += p.x * p.x + p.y * p.y;
       for (std::int32_t k = 0; k < blades; ++k) {  // inside every side
-        const double normal = 0.3 + (2 * k + 1) * kPi / blades;
+        const double normal = 0.3 + (2 * k + 1) * std::numbers::pi / blades;
         ASSERT_LE(p.x * std::cos(normal) + p.y * std::sin(normal),
-                  2 * std::cos(kPi / blades) + 1e-6);
+                  2 * std::cos(std::numbers::pi / blades) + 1e-6);
       }
       ASSERT_LE(p.x * p.x + p.y * p.y, 4 + 1e-5);
     }
@@ -253,7 +254,7 @@ TEST(Aperture, SamplesAreUniformOverPolygon) {
     // Second moment of a regular polygon of circumradius R: R^2 (2 + cos(2 pi / n)) / 6. The error
     // of the midpoint rule is the square of the strata's side, blades / 256, times a second
     // derivative.
-    const double expected = blades == 0 ? 2 : 4 * (2 + std::cos(2 * kPi / blades)) / 6;
+    const double expected = blades == 0 ? 2 : 4 * (2 + std::cos(2 * std::numbers::pi / blades)) / 6;
     const double side = std::max(blades, 4) / double{kSide};
     EXPECT_NEAR(square / kCount, expected, 4 * side * side) << blades;
     EXPECT_NEAR(x / kCount, 0, 4.0 / kSide) << blades;
@@ -267,7 +268,7 @@ double common_share(double r, double d) {
   if (d <= std::abs(1 - r)) return std::min(1.0, r * r);
   const double a = std::acos((d * d + 1 - r * r) / (2 * d));
   const double b = std::acos((d * d + r * r - 1) / (2 * d * r));
-  return (a - std::sin(2 * a) / 2 + r * r * (b - std::sin(2 * b) / 2)) / kPi;
+  return (a - std::sin(2 * a) / 2 + r * r * (b - std::sin(2 * b) / 2)) / std::numbers::pi;
 }
 
 TEST(Lens, VignettingEqualsDiscOverlap) {
@@ -354,7 +355,7 @@ TEST(Lens, BlurEqualsAverageOfPinholes) {
     Picture sum;
     for (int i = 0; i < kSide * kSide; ++i) {
       const double r = kRadius * std::sqrt((i % kSide + uniform(rng)) / kSide);
-      const double turn = 2 * kPi * (i / kSide + uniform(rng)) / kSide;
+      const double turn = 2 * std::numbers::pi * (i / kSide + uniform(rng)) / kSide;
       const auto number = seed * kSide * kSide + static_cast<std::uint32_t>(i);
       const Picture one =
           through_window(r * std::cos(turn), r * std::sin(turn), kFocus, 1000 + number);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <string>
 
 #include "tests/numeric/gltf/material_probe.h"
@@ -30,7 +31,7 @@ double facets_towards(const Vec3d& l, double along_x, double along_y) {
   const double at = along_x * along_x, ab = along_y * along_y;
   const Vec3d h = normalize(l + Vec3d{0, 0, 1});
   const double q = h.x * h.x / (at * at) + h.y * h.y / (ab * ab) + h.z * h.z;
-  const double d = 1 / (kPi * at * ab * q * q);
+  const double d = 1 / (std::numbers::pi * at * ab * q * q);
   const double root = std::sqrt(at * at * l.x * l.x + ab * ab * l.y * l.y + l.z * l.z);
   return d * 0.5 / (l.z + root);
 }
@@ -61,10 +62,10 @@ TEST(GltfClearcoat, FresnelUsesCoatNormal) {
     const double w = 0.04 + 0.96 * std::pow(1 - n.z, 5);
     // Light and view along +z: both at angle acos(n.z) to the coat's normal, h = +z.
     const double a2 = std::pow(0.6, 4), q = 1 + n.z * n.z * (a2 - 1);
-    const double d = a2 / (kPi * q * q);
+    const double d = a2 / (std::numbers::pi * q * q);
     const double visibility = 0.25 / (n.z * std::sqrt(a2 + (1 - a2) * n.z * n.z));
     const double coat = w * d * visibility * n.z;
-    return Vec3d{1, 1, 1} * ((1 - w) * 0.5 / kPi + coat);
+    return Vec3d{1, 1, 1} * ((1 - w) * 0.5 / std::numbers::pi + coat);
   };
   const auto coated = [&](const std::string& scale) {
     return lit(R"({"pbrMetallicRoughness": {)" + grey() +
@@ -202,7 +203,7 @@ double fibre_lambda(double cosine, double alpha) {
 double fibres(const Vec3d& v, const Vec3d& l, double roughness) {
   const double alpha = roughness * roughness;
   const Vec3d h = normalize(v + l);
-  const double d = (2 + 1 / alpha) * std::pow(1 - h.z * h.z, 0.5 / alpha) / (2 * kPi);
+  const double d = (2 + 1 / alpha) * std::pow(1 - h.z * h.z, 0.5 / alpha) / (2 * std::numbers::pi);
   return d / ((1 + fibre_lambda(v.z, alpha) + fibre_lambda(l.z, alpha)) * 4 * v.z * l.z);
 }
 
@@ -213,11 +214,11 @@ double fibre_albedo(double cosine, double roughness) {
   for (int i = 0; i < kSteps; ++i) {
     const double z = (i + 0.5) / kSteps, s = std::sqrt(1 - z * z);
     for (int k = 0; k < kSteps; ++k) {
-      const double phi = kPi * (k + 0.5) / kSteps;
+      const double phi = std::numbers::pi * (k + 0.5) / kSteps;
       sum += z * fibres(v, {s * std::cos(phi), s * std::sin(phi), z}, roughness);
     }
   }
-  return sum * 2 * kPi / kSteps / kSteps;
+  return sum * 2 * std::numbers::pi / kSteps / kSteps;
 }
 
 std::string sheen(const std::string& content) {
@@ -233,9 +234,9 @@ TEST(GltfSheen, DimsBaseByItsAlbedo) {
     for (const double roughness : {0.3, 0.6, 1.0}) {
       const double largest = std::max(fibre_albedo(1, roughness), fibre_albedo(l.z, roughness));
       const Vec3d color{0.8, 0.4, 0.1};
-      const Vec3d want =
-          (color * fibres(v, l, roughness) + Vec3d{1, 1, 1} * (0.5 / kPi * (1 - 0.8 * largest))) *
-          l.z;
+      const Vec3d want = (color * fibres(v, l, roughness) +
+                          Vec3d{1, 1, 1} * (0.5 / std::numbers::pi * (1 - 0.8 * largest))) *
+                         l.z;
       const Vec3d got =
           lit(sheen(R"("sheenColorFactor": [0.8, 0.4, 0.1], "sheenRoughnessFactor": )" +
                     std::to_string(roughness)),
@@ -266,7 +267,7 @@ TEST(GltfSheen, TextureChannelsScaleFactors) {
 /// Radiance through a prism of 20 degrees and index 1.5 with Abbe number 10; the lamp covers the
 /// directions beyond that of 549 nm light. The ray enters along the normal of the front.
 Vec3d through_a_prism(double dispersion) {
-  const double apex = kPi / 9, slope = std::tan(apex);
+  const double apex = std::numbers::pi / 9, slope = std::tan(apex);
   const auto file = probe_of(kX, kY);
   const int glass = file->add_material(
       R"({"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0}, "extensions": {
@@ -343,7 +344,7 @@ double film_term(double f0, double ior, double thickness, int channel) {
   const double r12 = square((ior - 1) / (ior + 1)), t121 = 1 - r12;
   const double base = (1 + std::sqrt(f0)) / (1 - std::sqrt(f0));
   const double r23 = square((base - ior) / (base + ior));
-  const double shift = kPi + (base < ior ? kPi : 0);
+  const double shift = std::numbers::pi + (base < ior ? std::numbers::pi : 0);
   const double r123 = r12 * r23, rs = t121 * t121 * r23 / (1 - r123);
   const double value[4] = {5.4856e-13, 4.4201e-13, 5.2481e-13, 9.7470e-14};
   const double position[4] = {1.6810e+06, 1.7953e+06, 2.2084e+06, 2.2399e+06};
@@ -354,10 +355,10 @@ double film_term(double f0, double ior, double thickness, int channel) {
   double sum = r12 + rs, amplitude = rs - t121;
   for (int m = 1; m <= 2; ++m) {
     amplitude *= std::sqrt(r123);
-    const double phase = 2 * kPi * m * 2 * ior * thickness * 1e-9;
+    const double phase = 2 * std::numbers::pi * m * 2 * ior * thickness * 1e-9;
     double xyz[3] = {};
     for (int g = 0; g < 4; ++g) {
-      xyz[g % 3] += value[g] * std::sqrt(2 * kPi * variance[g]) *
+      xyz[g % 3] += value[g] * std::sqrt(2 * std::numbers::pi * variance[g]) *
                     std::cos(position[g] * phase + m * shift) *
                     std::exp(-phase * phase * variance[g]) / 1.0685e-7;
     }
@@ -386,7 +387,8 @@ TEST(GltfIridescence, FilmThicknessColoursReflection) {
     const double cap = static_cast<double>(render::thin_film_cap(
         {1, static_cast<float>(ior), static_cast<float>(thickness)}, {0.04f, 0.04f, 0.04f}, 0));
     EXPECT_GE(cap * factor + 0.04 * (1 - factor), std::max({f.x, f.y, f.z}) - 1e-3);
-    return kBase * (left_to_base(0.04 + factor * (cap - 0.04), 0.2) / kPi) + f * facets(0.2);
+    return kBase * (left_to_base(0.04 + factor * (cap - 0.04), 0.2) / std::numbers::pi) +
+           f * facets(0.2);
   };
   expect_near(film(1, R"("iridescenceFactor": 1)"), film_terms(kBase, 1.3, 400, 1) * facets(0.2),
               1e-3);
@@ -416,7 +418,7 @@ TEST(GltfDiffuseTransmission, TransmitsItsShare) {
   const std::string share = R"("diffuseTransmissionFactor": 0.75,
                                "diffuseTransmissionColorFactor": [0.5, 1, 0.25])";
   const Vec3d color{0.5, 1, 0.25};
-  const double passed = left_to_base(0.04, 0.5) / kPi;
+  const double passed = left_to_base(0.04, 0.5) / std::numbers::pi;
   expect_near(lit(leaf(share), texel, behind), color * (0.75 * passed), kCoupled);
   expect_near(lit(leaf(share)), kBase * (0.25 * passed) + kPlain * facets(0.5), kCoupled);
   EXPECT_EQ(lit(leaf(""), texel, behind), (Vec3d{0, 0, 0}));

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -16,7 +17,6 @@ namespace tessera::testing {
 
 using render::Vec3d;
 
-inline constexpr double kPi = 3.14159265358979323846;
 inline constexpr double kX = 0.3, kY = 0.6;  // visible spot; not on the diagonal
 
 /// The linear value of an 8-bit sRGB code. Source: IEC 61966-2-1.
@@ -45,7 +45,7 @@ inline Vec3d lit(const std::string& material,
 /// D V of the specification's GGX with light, view and facet along the normal: D = 1 / (pi
 /// alpha^2), V = 1/4.
 inline double facets(double roughness) {
-  return 1 / (4 * kPi * std::pow(roughness, 4));
+  return 1 / (4 * std::numbers::pi * std::pow(roughness, 4));
 }
 
 /// Albedo of the specification's facets under Schlick's term of `f0`, in double, for a viewer at
@@ -61,7 +61,7 @@ inline double facet_albedo(double cosine, double f0, double alpha) {
   for (int i = 0; i < kRings; ++i) {
     const double v = (i + 0.5) / kRings, r = std::sqrt((1 - v) * (1 + v)), weight = 2 * v;
     for (int j = 0; j < kSpokes; ++j) {
-      const double phi = 2 * kPi * (j + 0.5 + 0.618 * i) / kSpokes;
+      const double phi = 2 * std::numbers::pi * (j + 0.5 + 0.618 * i) / kSpokes;
       const double x = r * std::sin(phi), rim = std::sqrt((1 - x) * (1 + x));
       const double y = (1 - (1 + view.z) / 2) * rim + (1 + view.z) / 2 * r * std::cos(phi);
       const double z = std::sqrt(std::max(0.0, 1 - x * x - y * y));
@@ -93,7 +93,7 @@ inline double left_to_base(double f0, double roughness, double weight = 1) {
 /// The dielectric in that geometry: facets as specified, and the base coupled with them.
 inline Vec3d dielectric(const Vec3d& base, const Vec3d& f0, double roughness, double weight = 1) {
   const double largest = std::max({f0.x, f0.y, f0.z});
-  return base * (left_to_base(largest, roughness, weight) / kPi) +
+  return base * (left_to_base(largest, roughness, weight) / std::numbers::pi) +
          f0 * (weight * facets(roughness));
 }
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 
 #include "tests/numeric/gltf/material_probe.h"
@@ -53,8 +54,8 @@ TEST(GltfMaterial, SpecularExtensionScalesAndTints) {
               dielectric(kBase, {0.08, 0.04, 0.02}, 0.5, 0.5), kCoupled);
   expect_near(lit(with("KHR_materials_specular", R"({"specularColorFactor": [30, 0, 1]})")),
               dielectric(kBase, {1, 0, 0.04}, 0.5), 1e-2);  // little is left
-  expect_near(lit(with("KHR_materials_specular", R"({"specularFactor": 0})")), kBase / kPi,
-              kRounding);
+  expect_near(lit(with("KHR_materials_specular", R"({"specularFactor": 0})")),
+              kBase / std::numbers::pi, kRounding);
 }
 
 TEST(GltfMaterial, SpecularGlossinessReplacesMetallic) {
@@ -68,7 +69,7 @@ TEST(GltfMaterial, SpecularGlossinessReplacesMetallic) {
   const Vec3d f0{0.1, 0.2, 0.3};
   Vec3d left;
   for (int k = 0; k < 3; ++k) left[k] = left_to_base(f0[k], 0.5);
-  expect_near(lit(material), kBase * 0.7 * left / kPi + f0 * facets(0.5), kCoupled);
+  expect_near(lit(material), kBase * 0.7 * left / std::numbers::pi + f0 * facets(0.5), kCoupled);
 }
 
 /// A texture slot of a material: `slot` uses texture 0, `plain` the equal factors.
@@ -218,11 +219,12 @@ double kept_by_facets(double roughness) {
   constexpr int kSteps = 100'000;
   double sum = 0;
   for (int i = 0; i < kSteps; ++i) {
-    const double half = kPi / 4 * (i + 0.5) / kSteps, out = 2 * half;
+    const double half = std::numbers::pi / 4 * (i + 0.5) / kSteps, out = 2 * half;
     const double c = std::cos(half), t = std::tan(out);
-    const double d = a2 / (kPi * std::pow(c * c * (a2 - 1) + 1, 2));
+    const double d = a2 / (std::numbers::pi * std::pow(c * c * (a2 - 1) + 1, 2));
     const double lambda = (std::sqrt(1 + a2 * t * t) - 1) / 2;
-    sum += d * c / (1 + lambda) * 2 * kPi * std::sin(half) * (kPi / 4 / kSteps);
+    sum += d * c / (1 + lambda) * 2 * std::numbers::pi * std::sin(half) *
+           (std::numbers::pi / 4 / kSteps);
   }
   return sum;
 }
@@ -410,7 +412,7 @@ TEST(GltfTexture, WebpIsPreferredToFallback) {
 double cosine_under(const std::vector<std::uint8_t>& texel, const std::string& scale,
                     const Vec4f* tangent) {
   const auto file = probe_of(kX, kY);
-  add_sun(*file, kPi);
+  add_sun(*file, std::numbers::pi);
   file->add_texture(file->add_image(png(1, 1, texel), ""));
   const int material = file->add_material(
       R"({"pbrMetallicRoughness": {"metallicFactor": 0}, "normalTexture": {"index": 0)" + scale +
@@ -432,7 +434,8 @@ TEST(GltfMaterial, NormalMapTiltsAlongTangents) {
     const double x = (2 * texel[0] / 255.0 - 1) * scale, y = (2 * texel[1] / 255.0 - 1) * scale;
     const double z = 2 * texel[2] / 255.0 - 1;
     const Vec3d n = normalize(tangent * x + bitangent * y + Vec3d{0, 0, 1} * z);
-    const double angle = kPi / 12;  // -z turned by 15 degrees about +y points to (-sin, 0, -cos)
+    const double angle =
+        std::numbers::pi / 12;  // -z turned by 15 degrees about +y points to (-sin, 0, -cos)
     return dot(n, Vec3d{std::sin(angle), 0, std::cos(angle)});
   };
   const Vec3d right{1, 0, 0}, up{0, 1, 0};

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -201,7 +202,7 @@ TEST(GltfNegativeScale, CullingKeepsClosedBodies) {  // hard case 27
 double cosine_of(const std::vector<std::uint8_t>& texel, bool mirrored_uv, bool given_tangents,
                  const Vec3d& scale) {
   const auto file = probe_of(scale.x * kX, scale.y * kY);
-  add_sun(*file, kPi);
+  add_sun(*file, std::numbers::pi);
   file->set("/nodes/1/rotation", "[0, 0.1305261922, 0, 0.9914448614]");
   file->add_texture(file->add_image(png(1, 1, texel), ""));
   TriangleMesh square = unit_quad(file->add_material(
@@ -227,7 +228,8 @@ TEST(GltfNormalTangent, MirroredUvAndScaleTiltConsistently) {  // hard case 27
         // Red along growing u, green up in the image, which is y in both; then the mirror.
         const Vec3d in_object{mirrored_uv ? -part(0) : part(0), part(1), part(2)};
         const Vec3d n = normalize(Vec3d{in_object.x * scale.x, in_object.y * scale.y, in_object.z});
-        const double want = n.x * std::sin(kPi / 12) + n.z * std::cos(kPi / 12);
+        const double want =
+            n.x * std::sin(std::numbers::pi / 12) + n.z * std::cos(std::numbers::pi / 12);
         EXPECT_NEAR(cosine_of(texel, mirrored_uv, given, scale), want, 2e-6)
             << mirrored_uv << given << json(scale);
       }

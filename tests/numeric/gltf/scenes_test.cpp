@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <string>
 
 #include "contract/hilbert.h"
@@ -17,8 +18,6 @@ namespace {
 
 using render::Vec3d;
 using render::Vec3f;
-
-constexpr double kPi = 3.14159265358979323846;
 
 std::string text(double value) {
   std::array<char, 32> digits{};
@@ -69,23 +68,26 @@ TEST(GltfSpot, FallsOffBetweenCones) {
         inner, outer,
         R"({"innerConeAngle": )" + text(inner) + R"(, "outerConeAngle": )" + text(outer) + "}"};
   };
-  const Cones all[] = {cones(0.3, 0.6),   {0, kPi / 4, "{}"}, cones(0, 0.1),    cones(0.2, 0.2004),
-                       cones(1, kPi / 2), cones(0.009, 0.01), cones(0.02, 0.02)};
+  const Cones all[] = {cones(0.3, 0.6),    {0, std::numbers::pi / 4, "{}"}, cones(0, 0.1),
+                       cones(0.2, 0.2004), cones(1, std::numbers::pi / 2),  cones(0.009, 0.01),
+                       cones(0.02, 0.02)};
   for (const Cones& c : all) {
     const double width = c.outer - c.inner;
     // Positions up to 9 m away are precise to 5e-7 m, cosines to 1.2e-7; the squared ramp magnifies
     // both errors.
     const double ramp = width > 0 ? 1 / (std::cos(c.inner) - std::cos(c.outer)) : 0;
-    const double tolerance = (2e-6 + 2 * (5e-7 + 1.2e-7) * ramp) / kPi;
+    const double tolerance = (2e-6 + 2 * (5e-7 + 1.2e-7) * ramp) / std::numbers::pi;
     double middle = 0.9 * c.inner;
-    EXPECT_NEAR(wall_under_a_spot(c.spot, &middle), std::pow(std::cos(middle), 3) / kPi, 2e-6)
+    EXPECT_NEAR(wall_under_a_spot(c.spot, &middle),
+                std::pow(std::cos(middle), 3) / std::numbers::pi, 2e-6)
         << c.spot << " inside";
     for (const double step : {-0.5, -0.01, 0.0, 0.01, 0.25, 0.5, 0.75, 0.99, 1.0}) {
       double angle = c.inner + step * width;
       if (angle < 0 || angle > 1.4 || !(width > 0)) continue;
       const double got = wall_under_a_spot(c.spot, &angle);
       const double cosine = std::cos(angle);  // also at the wall; the distance is 1 / cosine
-      EXPECT_NEAR(got, spot_share(angle, c.inner, c.outer) * cosine * cosine * cosine / kPi,
+      EXPECT_NEAR(got,
+                  spot_share(angle, c.inner, c.outer) * cosine * cosine * cosine / std::numbers::pi,
                   tolerance)
           << c.spot << " at " << angle;
     }
@@ -134,7 +136,7 @@ constexpr Vec3d kFrom{-2, 0, 1}, kTo{4, 3, -1};  // where the arm is at 0 s and 
 Vec3d world_at(double seconds, const Vec3d& local) {
   const double share = std::min(std::max(seconds / 2, 0.0), 1.0);
   const Vec3d on_arm = kArm + turned_about_x(kTilt, local);
-  return kFrom + (kTo - kFrom) * share + turned_about_y(kPi / 2 * share, on_arm);
+  return kFrom + (kTo - kFrom) * share + turned_about_y(std::numbers::pi / 2 * share, on_arm);
 }
 
 /// A file with a camera on that animated arm, and a small lamp at `lamp`.

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <vector>
 
 #include "tests/numeric/geometry/geometry_scenes.h"
@@ -25,14 +26,6 @@ using render::ShadingScene;
 using render::Vec3d;
 using render::Vec3f;
 using render::testing::Dice;
-
-constexpr double kPi = 3.14159265358979323846;
-
-Material lamp(float radiance) {
-  Material m = lambert({0, 0, 0});
-  m.emission = {radiance, radiance, radiance};
-  return m;
-}
 
 /// A unit room that two sheets 1e-5 apart divide at z = 0, with a lamp at z = -0.4 and the camera
 /// at z = `eye`, looking along z at the sheets. The sheet on the camera's side passes all the light
@@ -113,7 +106,7 @@ TEST(AreaLights, DoubleSidedSurfaceIsLitAlikeFromBehind) {  // hard case 61
     return render_picture(scene, small_settings(1, 1, 4)).at(0, 0);
   };
   const Vec3d front = radiance(1, true);
-  EXPECT_NEAR(front.x, 0.8 / kPi, 1e-6);
+  EXPECT_NEAR(front.x, 0.8 / std::numbers::pi, 1e-6);
   EXPECT_EQ(radiance(-1, true), front) << "the normal is turned towards the viewer";
   EXPECT_EQ(radiance(1, false), front);
 }
@@ -128,7 +121,8 @@ TEST(AreaLights, TinyDistantMeshGivesItsLight) {  // hard case 19
   settings.max_depth = 1;
   const Picture picture = render_picture(scene, settings);
   // Seen along its axis, a polygon of 24 corners. Vertices at 1e6 are multiples of 1/16 along y.
-  const double outline = kSegments / 2.0 * std::sin(2 * kPi / kSegments) / kPi;
+  const double outline =
+      kSegments / 2.0 * std::sin(2 * std::numbers::pi / kSegments) / std::numbers::pi;
   const double error = std::sqrt(3) * picture.mean_error();
   EXPECT_NEAR(picture.mean(), outline, 4 * error + 1e-5);
   EXPECT_LT(error, 0.02);
@@ -148,7 +142,7 @@ TEST(AreaLights, SunBehindGlassReachesNoFloor) {  // hard case 60
   auto settings = small_settings(2, 2, 64);
   EXPECT_EQ(render_picture(scene, settings).mean(), 0);
   scene.instances.pop_back();
-  EXPECT_NEAR(render_picture(scene, settings).mean(), 1 / kPi, 1e-5);
+  EXPECT_NEAR(render_picture(scene, settings).mean(), 1 / std::numbers::pi, 1e-5);
 }
 
 /// Irradiance at the origin, facing +y, from a triangle above of radiance 1. Source: J. Lambert,
@@ -185,7 +179,8 @@ TEST(AreaLights, NeedlesGiveTheirLight) {  // hard case 57
     auto settings = small_settings(4, 4, 4096);
     settings.max_depth = 1;
     const Picture picture = render_picture(scene, settings);
-    const double expected = triangle_irradiance(needle(width)) / static_cast<double>(width) / kPi;
+    const double expected =
+        triangle_irradiance(needle(width)) / static_cast<double>(width) / std::numbers::pi;
     const double error = std::sqrt(3) * picture.mean_error();
     // The sum cancels from 1 to the width, and the cosines of the planes have errors of 2^-52.
     const double rounding = 4 * 0x1p-52 / static_cast<double>(width);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <vector>
 
@@ -17,8 +18,6 @@ namespace {
 using render::Scene;
 using render::Vec3d;
 using render::Vec3f;
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// A white square about the origin that faces `up`, and a camera that sees a tiny spot of it.
 Scene square_facing(const Vec3d& up) {
@@ -53,7 +52,7 @@ TEST(Sky, ConstantSkyLightsWhiteFloorEqually) {  // hard case 56
   const Picture picture = scattered_once(scene, 8, 4096);
   const double error = std::sqrt(3) * picture.mean_error();  // grey: its channels are one
   EXPECT_NEAR(picture.mean(), 1, 4 * error + 1e-6);
-  EXPECT_LT(4 * error, 1e-4 / kPi);
+  EXPECT_LT(4 * error, 1e-4 / std::numbers::pi);
 }
 
 /// Irradiance over pi, for the normal (0, 1, 0) or for the mean over all normals (`flux`), from a
@@ -63,12 +62,12 @@ double texel_irradiance(int width, int height, int row, bool flux) {
   constexpr int kSub = 4000;
   double sum = 0;
   for (int k = 0; k < kSub; ++k) {
-    const double y = -1 + 2 * (k + 0.5) / kSub, v = (row + 0.5 + y) / height * kPi;
+    const double y = -1 + 2 * (k + 0.5) / kSub, v = (row + 0.5 + y) / height * std::numbers::pi;
     if (v < 0) continue;
     const double weight = row == 0 && y < 0 ? 1 : 1 - std::fabs(y);
     sum += weight * (flux ? 0.25 : std::cos(v)) * std::sin(v) * (2.0 / kSub);
   }
-  return sum * (kPi / height) * (2 * kPi / width) / kPi;
+  return sum * (std::numbers::pi / height) * (2 * std::numbers::pi / width) / std::numbers::pi;
 }
 
 TEST(Sky, BrightPoleTexelGivesItsFlux) {  // hard case 56
@@ -79,8 +78,9 @@ TEST(Sky, BrightPoleTexelGivesItsFlux) {  // hard case 56
   set_sky(&scene, kWidth, kHeight, texels);
   const double expected = 1e4 * texel_irradiance(kWidth, kHeight, 0, false);
   // The tent holds 13/12 of the texel's own solid angle, up to terms of the texel's height squared.
-  const double own = 2 * kPi / kWidth * (1 - std::cos(kPi / kHeight));
-  EXPECT_NEAR(4 * kPi * texel_irradiance(kWidth, kHeight, 0, true) / own, 13.0 / 12, 2e-3);
+  const double own = 2 * std::numbers::pi / kWidth * (1 - std::cos(std::numbers::pi / kHeight));
+  EXPECT_NEAR(4 * std::numbers::pi * texel_irradiance(kWidth, kHeight, 0, true) / own, 13.0 / 12,
+              2e-3);
   const Picture picture = scattered_once(scene, 8, 1024);
   const double error = std::sqrt(3) * picture.mean_error();
   EXPECT_NEAR(picture.mean() / expected, 1, 4 * error / expected + 1e-6);
@@ -92,8 +92,8 @@ TEST(Sky, BrightTexelLightsPlane) {  // hard case 55
   std::vector<float> texels(std::size_t{kWidth} * kHeight * 3, 0.0f);
   const std::size_t at = (std::size_t{kRow} * kWidth + kColumn) * 3;
   for (std::size_t c = 0; c < 3; ++c) texels[at + c] = 1e6f;
-  const double theta = (kRow + 0.5) / kHeight * kPi;
-  const double phi = 2 * kPi * ((kColumn + 0.5) / kWidth - 0.5);
+  const double theta = (kRow + 0.5) / kHeight * std::numbers::pi;
+  const double phi = 2 * std::numbers::pi * ((kColumn + 0.5) / kWidth - 0.5);
   const Vec3d towards = {std::sin(theta) * std::cos(phi), std::cos(theta),
                          std::sin(theta) * std::sin(phi)};
   for (const float rest : {0.0f, 1e-3f}) {  // the second made a float CDF lose most texels
@@ -113,9 +113,9 @@ TEST(Sky, TexelAppearsInPredictedDirection) {
   for (const double degrees : {0.0, 90.0, 37.5}) {
     for (const Vec3d& d : {Vec3d{1, 0.2, 0.1}, Vec3d{-0.3, -0.8, -1}, Vec3d{0.1, 1, 2}}) {
       const Vec3d dir = normalize(d);
-      double u = 0.5 + std::atan2(dir.z, dir.x) / (2 * kPi) + degrees / 360;
+      double u = 0.5 + std::atan2(dir.z, dir.x) / (2 * std::numbers::pi) + degrees / 360;
       u -= std::floor(u);
-      const double v = std::acos(dir.y) / kPi;
+      const double v = std::acos(dir.y) / std::numbers::pi;
       const int column = static_cast<int>(u * kWidth), row = static_cast<int>(v * kHeight);
       std::vector<float> texels(kWidth * kHeight * 3, 0.0f);
       const auto at = static_cast<std::size_t>(row * kWidth + column) * 3;
@@ -161,8 +161,8 @@ TEST(Environment, SamplesFollowPdf) {  // hard cases 55, 56
   }
   for (int i = 0; i < kSphere; ++i) {
     const auto found = map.look_up(spread(i, kSphere));
-    density += static_cast<double>(found.pdf) * 4 * kPi / kSphere;
-    if (!(found.pdf > 0)) left += luminance(found.radiance) * 4 * kPi / kSphere;
+    density += static_cast<double>(found.pdf) * 4 * std::numbers::pi / kSphere;
+    if (!(found.pdf > 0)) left += luminance(found.radiance) * 4 * std::numbers::pi / kSphere;
   }
   EXPECT_NEAR(density, 1, 2e-3);
   // Light samples find directions with density, BSDF samples those without; together they find all.
@@ -174,7 +174,9 @@ TEST(Environment, SamplesFollowPdf) {  // hard cases 55, 56
 std::vector<double> excesses(const std::vector<float>& texels, int width, int height) {
   double mean = 0;
   for (int j = 0; j < height; ++j) {
-    const double share = (std::cos(kPi * j / height) - std::cos(kPi * (j + 1) / height)) / 2;
+    const double share =
+        (std::cos(std::numbers::pi * j / height) - std::cos(std::numbers::pi * (j + 1) / height)) /
+        2;
     for (int i = 0; i < width; ++i) {
       mean +=
           static_cast<double>(texels[static_cast<std::size_t>(j * width + i) * 3]) * share / width;
@@ -202,8 +204,8 @@ TEST(Environment, SamplesPassChiSquareTest) {  // hard case 55
   for (int k = 0; k < kSamples; ++k) {
     const double u1 = static_cast<double>(random()) * 0x1p-32;
     const Vec3d d(map.sample(u1, static_cast<double>(random()) * 0x1p-32).direction);
-    const double u = 0.5 + std::atan2(d.z, d.x) / (2 * kPi);
-    const double v = std::atan2(std::hypot(d.x, d.z), d.y) / kPi;
+    const double u = 0.5 + std::atan2(d.z, d.x) / (2 * std::numbers::pi);
+    const double v = std::atan2(std::hypot(d.x, d.z), d.y) / std::numbers::pi;
     const int i = std::min(static_cast<int>(u * kWidth), kWidth - 1);
     ++count[static_cast<std::size_t>(std::min(static_cast<int>(v * kHeight), kHeight - 1) * kWidth +
                                      i)];
@@ -213,7 +215,7 @@ TEST(Environment, SamplesPassChiSquareTest) {  // hard case 55
   const auto weight = [&](int i, int j) {
     const int row = std::clamp(j, 0, kHeight - 1);
     return excess[static_cast<std::size_t>(row * kWidth + (i + kWidth) % kWidth)] *
-           std::sin(kPi * (row + 0.5) / kHeight);
+           std::sin(std::numbers::pi * (row + 0.5) / kHeight);
   };
   double total = 0, chi2 = 0;
   for (int j = 0; j < kHeight; ++j) {
@@ -252,7 +254,7 @@ TEST(Environment, BrightTexelsAreSampled) {  // hard case 66
   Scene scene;
   set_sky(&scene, 16, 8, texels);
   const render::EnvironmentMap map(scene);
-  const double mean = map.power() / (4 * kPi);
+  const double mean = map.power() / (4 * std::numbers::pi);
   int lit = 0;
   for (int i = 0; i < 20000; ++i) {
     const auto found = map.look_up(spread(i, 20000));

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "tests/support/scene/plain_scene.h"
 #include "worker/light/emitters/punctual.h"
@@ -15,8 +16,6 @@ using render::PunctualLight;
 using render::Scene;
 using render::Vec3d;
 using render::Vec3f;
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// A wide floor at y = 0 and a camera above that sees a tiny spot of it.
 Scene floor_scene(const Material& material, const Vec3d& looked_at) {
@@ -47,7 +46,7 @@ TEST(Lighting, PointLightOnLambertMatchesFormula) {
     scene.lights.push_back(point_light(12, {0.5, 2, -1}));
     const Vec3d to_light = Vec3d{0.5, 2, -1} - at;
     const double d2 = dot(to_light, to_light);
-    const double expected = 0.8 / kPi * 12 * (2 / std::sqrt(d2)) / d2;
+    const double expected = 0.8 / std::numbers::pi * 12 * (2 / std::sqrt(d2)) / d2;
     EXPECT_NEAR(middle(scene) / expected, 1, 1e-5);
   }
 }
@@ -55,14 +54,14 @@ TEST(Lighting, PointLightOnLambertMatchesFormula) {
 TEST(Lighting, OneCandelaAtOneMetreGivesOneOverPi) {  // hard case 60
   Scene scene = floor_scene(lambert({1, 1, 1}), {0, 0, 0});
   scene.lights.push_back(point_light(1, {0, 1, 0}));
-  EXPECT_NEAR(middle(scene), 1 / kPi, 1e-6);
+  EXPECT_NEAR(middle(scene), 1 / std::numbers::pi, 1e-6);
 }
 
 TEST(Lighting, RangeFollowsExtension) {  // hard case 62
   Scene scene = floor_scene(lambert({1, 1, 1}), {0, 0, 0});
   scene.lights.push_back(point_light(1, {0, 1, 0}));
   scene.lights[0].range = 2;
-  EXPECT_NEAR(middle(scene), 0.9375 / kPi, 1e-6);
+  EXPECT_NEAR(middle(scene), 0.9375 / std::numbers::pi, 1e-6);
   scene.lights[0].range = 1;
   EXPECT_EQ(middle(scene), 0);
   const auto near_light = render::sample_punctual(point_light(1, {0, 1e-6, 0}), {0, 0, 0});
@@ -79,7 +78,7 @@ TEST(Lighting, SpotFallsOffBetweenCones) {
   scene.lights.push_back(spot);
   const double cosine = std::sqrt(0.5);  // at 45 degrees, d^2 = 2
   const double share = (cosine - 0.5) / 0.4;
-  EXPECT_NEAR(middle(scene), share * share * cosine / 2 / kPi, 1e-6);
+  EXPECT_NEAR(middle(scene), share * share * cosine / 2 / std::numbers::pi, 1e-6);
   scene.lights[0].cos_outer = 0.75f;
   EXPECT_EQ(middle(scene), 0);
 }
@@ -91,13 +90,7 @@ TEST(Lighting, DirectionalLightIsInLux) {
   sun.intensity = {100, 100, 100};
   sun.direction = normalize(Vec3f{1, -1, 0});
   scene.lights.push_back(sun);
-  EXPECT_NEAR(middle(scene), 0.5 / kPi * 100 * std::sqrt(0.5), 1e-5 * 15);
-}
-
-Material lamp(float radiance) {
-  Material m = lambert({0, 0, 0});
-  m.emission = {radiance, radiance, radiance};
-  return m;
+  EXPECT_NEAR(middle(scene), 0.5 / std::numbers::pi * 100 * std::sqrt(0.5), 1e-5 * 15);
 }
 
 TEST(Lighting, EmitterShowsRadianceFromFrontOnly) {  // hard case 61
@@ -122,7 +115,7 @@ TEST(Lighting, MirroredEmittersKeepFrontSide) {  // hard case 27
 /// it.
 double square_factor(double h) {
   const double a = 0.5 / h, b = a / std::sqrt(1 + a * a);
-  return 4 / kPi * b * std::atan(b);
+  return 4 / std::numbers::pi * b * std::atan(b);
 }
 
 TEST(Lighting, SquareFormFactorMatchesFormula) {  // hard case 58

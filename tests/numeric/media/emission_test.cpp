@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numbers>
 
 #include "tests/numeric/media/media_scenes.h"
 #include "tests/numeric/media/simpson.h"
@@ -21,8 +22,6 @@ using render::Medium;
 using render::Scene;
 using render::Vec3d;
 using render::Vec3f;
-
-constexpr double kPi = 3.14159265358979323846;
 
 Medium glow(const Vec3f& emission, const Vec3f& absorption = {}, const Vec3f& scattering = {}) {
   Medium m = medium(absorption, scattering);
@@ -134,8 +133,8 @@ TEST(Emission, ClearBallLightsFloorLikePoint) {
     Scene scene = floor_seen();
     add_body(&scene, render::make_ellipsoid(Vec3d{1, 1, 1} * radius), glow({4, 4, 4}),
              translation(0.75, 1, 0));
-    const double power = 4 * 4.0 / 3 * kPi * radius * radius * radius, d2 = 1.5625;
-    const double expected = power / d2 * 0.8 / kPi;
+    const double power = 4 * 4.0 / 3 * std::numbers::pi * radius * radius * radius, d2 = 1.5625;
+    const double expected = power / d2 * 0.8 / std::numbers::pi;
     expect_near(channel(middle(scene, 256, 1), 0), expected, 0.01);
   }
 }
@@ -171,7 +170,7 @@ double floor_radiance(const Affine3d& at, const Vec3d& half, float emission, con
     const double d2 = dot(world, world);
     sum += cell * world.y / (d2 * std::sqrt(d2));
   }
-  return sum * double{emission} / kPi;
+  return sum * double{emission} / std::numbers::pi;
 }
 
 TEST(Emission, LongAndFlatBodiesMatchQuadrature) {
@@ -234,11 +233,11 @@ TEST(Emission, MovingBallGivesMeanOfPositions) {
   scene.instances[ball].motion = 0;
   scene.key_times = {0, 1};
   scene.motions = {{translation(-1, 0.8, 0), translation(2, 0.8, 0)}};
-  const double power = 5 * 4.0 / 3 * kPi * 0.027;
+  const double power = 5 * 4.0 / 3 * std::numbers::pi * 0.027;
   const double expected = integral(
       [&](double t) {
         const double x = 3 * t - 1, d2 = x * x + 0.64;
-        return power / d2 * 0.8 / std::sqrt(d2) / kPi;
+        return power / d2 * 0.8 / std::sqrt(d2) / std::numbers::pi;
       },
       0, 1, 200);
   expect_near(channel(middle(scene, 4096, 1), 0), expected, 0.03);
@@ -307,7 +306,7 @@ TEST(Emission, ClearFlameLightsFloor) {
     const Affine3d none;
     expected += double{density_at(view, &none, p)} * world.y / (d2 * std::sqrt(d2));
   }
-  expected *= 6 * 1.2 / (kCells * kCells * kCells) / kPi;
+  expected *= 6 * 1.2 / (kCells * kCells * kCells) / std::numbers::pi;
   const Estimate got = channel(middle(scene, 1024, 1), 0);
   EXPECT_NEAR(got.mean, expected, 4 * got.error + 1e-3 * expected);
   EXPECT_LT(got.error, 0.02 * expected);
@@ -381,11 +380,11 @@ TEST(Emission, FogScattersLightOfFlame) {
   add_primitive(&scene, quad({-9, -9, -6}, {18, 0, 0}, {0, 18, 0}, black));
   add_body(&scene, render::make_ellipsoid({0.1, 0.1, 0.1}), glow({9, 9, 9}), translation(0, 2, -2));
   scene.atmosphere = render::Atmosphere{medium({}, {0.3f, 0.3f, 0.3f}), {0, 0, 0}};
-  const double power = 9 * 4.0 / 3 * kPi * 1e-3;
+  const double power = 9 * 4.0 / 3 * std::numbers::pi * 1e-3;
   const double expected = integral(
       [&](double t) {
         const double d = std::hypot(2.0, t - 2);
-        return 0.3 * power / (4 * kPi) / (d * d) *
+        return 0.3 * power / (4 * std::numbers::pi) / (d * d) *
                std::exp(-0.3 * (t + d - 0.075));  // the ball is clear: 3/4 r on average
       },
       0, 6, 1000);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "tests/numeric/media/media_scenes.h"
 #include "tests/numeric/media/simpson.h"
@@ -28,8 +29,6 @@ using render::Scene;
 using render::ShadingScene;
 using render::Vec3d;
 using render::Vec3f;
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// A wall of radiance 1 at z = -9 that faces +z.
 void add_wall(Scene* scene) {
@@ -73,10 +72,10 @@ TEST(MediumBody, AbsorptionDimsLight) {
   light.intensity = {1, 1, 1};
   light.position = {0, 4, 0};
   scene.lights.push_back(light);
-  const double expected = std::exp(-0.5) / 16 / kPi;
+  const double expected = std::exp(-0.5) / 16 / std::numbers::pi;
   EXPECT_NEAR(middle(scene, 1, 1, 1).mean(), expected, 1e-6 * expected + 1e-9);
   scene.lights[0].position = {0, 2.5, 0};  // a lamp inside
-  EXPECT_NEAR(middle(scene, 1, 1, 1).mean() * 6.25 * kPi, std::exp(-0.25), 1e-5);
+  EXPECT_NEAR(middle(scene, 1, 1, 1).mean() * 6.25 * std::numbers::pi, std::exp(-0.25), 1e-5);
 }
 
 TEST(MediumBody, SingleScatteringMatchesQuadrature) {
@@ -90,7 +89,7 @@ TEST(MediumBody, SingleScatteringMatchesQuadrature) {
   const double expected = integral(
       [](double t) {
         const double d = std::hypot(2.0, t - 3);  // half of the distance lies in the box
-        return 0.6 * std::exp(-0.8 * (t - 2 + d / 2)) / (4 * kPi) / (d * d);
+        return 0.6 * std::exp(-0.8 * (t - 2 + d / 2)) / (4 * std::numbers::pi) / (d * d);
       },
       2, 4, 1000);
   expect_mean(middle(scene, 256, 1), expected, 0.02 * expected);
@@ -150,7 +149,8 @@ TEST(CameraInside, LightOnObjectsIsAbsorbedTwice) {
   light.intensity = {1, 1, 1};
   light.position = {0, 2, 0};
   scene.lights.push_back(light);
-  const double expected = std::exp(-0.3) / 4 / kPi;  // 1 m to the camera, 2 m to the light
+  const double expected =
+      std::exp(-0.3) / 4 / std::numbers::pi;  // 1 m to the camera, 2 m to the light
   EXPECT_NEAR(middle(scene, 1, 1, 1).mean(), expected, 1e-5);
 }
 

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "tests/numeric/media/media_scenes.h"
@@ -24,10 +25,8 @@ using render::Scene;
 using render::Vec3d;
 using render::Vec3f;
 
-constexpr double kPi = 3.14159265358979323846;
-
 double henyey_greenstein(double g, double cosine) {
-  return (1 - g * g) / (4 * kPi * std::pow(1 + g * g - 2 * g * cosine, 1.5));
+  return (1 - g * g) / (4 * std::numbers::pi * std::pow(1 + g * g - 2 * g * cosine, 1.5));
 }
 
 void fill(Scene* scene, const Medium& with, double radius = INFINITY) {
@@ -53,7 +52,7 @@ TEST(PhaseFunction, IntegratesToOneAndMatchesSampling) {
     const double sum = integral(
         [&](double x) {
           const double v = 2 * x * x * x * x;
-          return 2 * kPi * density(g < 0 ? 2 - v : v) * 8 * x * x * x;
+          return 2 * std::numbers::pi * density(g < 0 ? 2 - v : v) * 8 * x * x * x;
         },
         0, 1, 4000);
     EXPECT_NEAR(sum, 1, 1e-3) << g;
@@ -164,7 +163,9 @@ TEST(Fog, AbsorptionFollowsBeer) {
     const double s = double{sigma[k]};
     EXPECT_NEAR(lamp_seen[k], 3 * std::exp(-5 * s), 1e-5) << k;
     const double down = std::sqrt(5.0), up = std::sqrt(16.01);
-    EXPECT_NEAR(floor_seen[k], 1 / kPi / 5 * 2 / down * std::exp(-s * (down + up)), 1e-6) << k;
+    EXPECT_NEAR(floor_seen[k], 1 / std::numbers::pi / 5 * 2 / down * std::exp(-s * (down + up)),
+                1e-6)
+        << k;
     EXPECT_NEAR(across[k], std::exp(-4 * s), 1e-6) << k;
     EXPECT_EQ(beside[k], 1) << k;
     EXPECT_NEAR(inside[k], std::exp(-3 * s), 1e-6) << k;

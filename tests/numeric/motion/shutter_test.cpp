@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "tests/numeric/geometry/geometry_scenes.h"
 #include "tests/numeric/motion/motion_files.h"
@@ -18,8 +19,6 @@ namespace {
 using tessera::testing::GltfBuilder;
 using tessera::testing::load_and_pose;
 using tessera::testing::render_picture;
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// A ball of radius 0.1 moves half round the z axis at a distance of 1 m.
 TEST(MotionBounds, OrbitingBallIsHitAtItsTop) {
@@ -38,7 +37,7 @@ TEST(MotionBounds, OrbitingBallIsHitAtItsTop) {
   const int mesh = file.add_node(
       R"({"translation": [1, 0, 1], "mesh": )" + number(file.add_mesh(triangles)) + "}", false);
   const int arm = file.add_node(R"({"children": [)" + number(ball) + ", " + number(mesh) + "]}");
-  const auto half = static_cast<float>(std::sin(kPi / 2));
+  const auto half = static_cast<float>(std::sin(std::numbers::pi / 2));
   animate(file, arm, "rotation", {0, 1}, "VEC4", {0, 0, 0, 1, 0, 0, half, 0});
   const auto scene = load_and_pose(file, all_animations());
   ASSERT_TRUE(scene.ok()) << scene.status();
@@ -46,7 +45,7 @@ TEST(MotionBounds, OrbitingBallIsHitAtItsTop) {
   const SceneAccel accel(*scene, in_order());
   const accelerators::StructureAccelerator other(*scene, accelerators::structures().front());
   for (const float time : {0.0f, 0.125f, 0.5f, 0.8125f, 1.0f}) {
-    const double angle = kPi * static_cast<double>(time);
+    const double angle = std::numbers::pi * static_cast<double>(time);
     for (const double z : {0.0, 1.0}) {
       // Rays from 0.15 above the ball's centre towards it.
       const Vec3d out = {std::cos(angle), std::sin(angle), 0};

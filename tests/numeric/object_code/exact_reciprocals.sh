@@ -3,6 +3,7 @@
 # vendors (hard case 78). Fails as well if objdump is missing or does not read every object.
 # Usage: exact_reciprocals.sh OBJECT...
 set -euo pipefail
+export LC_ALL=C  # grep reads gigabytes of disassembly: bytes, not characters
 command -v objdump >/dev/null || { echo "objdump is not installed (package binutils)"; exit 1; }
 [ "$#" -gt 0 ] || { echo "no object was given"; exit 1; }
 disassembly=$(mktemp)

@@ -3,6 +3,7 @@
 # (docs/explanation/determinism.md); round() is exact everywhere. Fails as well if nm is missing or
 # does not read every object. Usage: no_libm.sh OBJECT...
 set -euo pipefail
+export LC_ALL=C  # grep reads gigabytes of disassembly: bytes, not characters
 functions='sin|cos|tan|asin|acos|atan|atan2|sinh|cosh|tanh|asinh|acosh|atanh|exp|exp2|exp10|expm1'
 functions="$functions|log|log2|log10|log1p|pow|cbrt|hypot|erf|erfc|lgamma|tgamma|fmod|remainder"
 functions="$functions|sincos|fma|sqrt|floor|ceil|rint|nearbyint|trunc|ldexp|scalbn|frexp|modf"

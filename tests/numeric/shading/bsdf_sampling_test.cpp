@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <random>
 #include <string>
 #include <vector>
@@ -14,8 +15,6 @@
 
 namespace tessera::render {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 struct Lobe {
   std::string name;
@@ -214,9 +213,9 @@ Histogram sampled(const Bsdf& bsdf, int samples, std::uint32_t seed) {
       continue;
     }
     double phi = std::atan2(static_cast<double>(s.wi.y), static_cast<double>(s.wi.x));
-    if (phi < 0) phi += 2 * kPi;
+    if (phi < 0) phi += 2 * std::numbers::pi;
     const int row = static_cast<int>((static_cast<double>(s.wi.z) + 1) / 2 * kRows);
-    const int column = static_cast<int>(phi / (2 * kPi) * kColumns);
+    const int column = static_cast<int>(phi / (2 * std::numbers::pi) * kColumns);
     const int at = std::min(row, kRows - 1) * kColumns + std::min(column, kColumns - 1);
     h.counts[static_cast<std::size_t>(at)] += 1;
   }
@@ -244,7 +243,7 @@ void expect_density(const Lobe& lobe, double cosine, double level, std::uint32_t
   double chi2 = 0, rest_expected = 0, rest_observed = 0, total = 0;
   int freedom = -1;  // the sum of the counts is known
   for (int i = 0; i < kRows * kColumns; ++i) {
-    const double height = 2.0 / kRows, width = 2 * kPi / kColumns;
+    const double height = 2.0 / kRows, width = 2 * std::numbers::pi / kColumns;
     const double share =
         integral.over({-1 + (i / kColumns) * height, (i % kColumns) * width, height, width});
     const double expected = kSamples * share, count = observed.counts[static_cast<std::size_t>(i)];

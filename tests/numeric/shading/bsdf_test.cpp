@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <random>
 #include <string>
 #include <vector>
@@ -13,8 +14,6 @@
 
 namespace tessera::render {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// Tables for one index of refraction, kept alive for the BSDFs of a test.
 struct Tables {
@@ -286,18 +285,18 @@ double specification_albedo(double roughness, double cos_o) {
   for (int i = 0; i < kSteps; ++i) {
     const double z = (i + 0.5) / kSteps, s = std::sqrt(1 - z * z);
     for (int j = 0; j < kSteps; ++j) {
-      const double phi = kPi * (j + 0.5) / kSteps;
+      const double phi = std::numbers::pi * (j + 0.5) / kSteps;
       const Vec3d l{s * std::cos(phi), s * std::sin(phi), z};
       const Vec3d h = normalize(v + l);
       const double f = 0.04 + 0.96 * std::pow(1 - dot(v, h), 5);
       const double q = h.z * h.z * (a2 - 1) + 1;
-      const double d = a2 / (kPi * q * q);
+      const double d = a2 / (std::numbers::pi * q * q);
       const double vis = 0.5 / (z * std::sqrt(cos_o * cos_o * (1 - a2) + a2) +
                                 cos_o * std::sqrt(z * z * (1 - a2) + a2));
       sum += f * d * vis * z;
     }
   }
-  return sum * 2 * kPi / kSteps / kSteps;
+  return sum * 2 * std::numbers::pi / kSteps / kSteps;
 }
 
 // Facets as specified, and the diffuse lobe that Kulla and Conty couple with them.
@@ -321,7 +320,8 @@ TEST(Bsdf, DielectricCouplesDiffuseWithFacets) {  // hard case 46
     const Vec3d both(evaluate_bsdf(bsdf_for(p, a), wi).f_cos);
     const Vec3d facets(evaluate_bsdf(bsdf_for(black, a), wi).f_cos);
     for (int k = 0; k < 3; ++k) {
-      const double expected = static_cast<double>(kBase[k]) / kPi * left_a * left_b / (1 - mean);
+      const double expected =
+          static_cast<double>(kBase[k]) / std::numbers::pi * left_a * left_b / (1 - mean);
       EXPECT_NEAR((both[k] - facets[k]) / b, expected, 2e-3 * expected) << roughness;
     }
   }
@@ -332,11 +332,11 @@ constexpr int kRows = 20, kColumns = 20, kSub = 32;
 
 std::vector<double> expected_counts(const Bsdf& bsdf, int samples) {
   std::vector<double> counts(kRows * kColumns);
-  const double cell = 4 * kPi / (kRows * kColumns * kSub * kSub);
+  const double cell = 4 * std::numbers::pi / (kRows * kColumns * kSub * kSub);
   for (int i = 0; i < kRows * kSub; ++i) {
     const double z = -1 + 2 * (i + 0.5) / (kRows * kSub), s = std::sqrt(1 - z * z);
     for (int j = 0; j < kColumns * kSub; ++j) {
-      const double phi = 2 * kPi * (j + 0.5) / (kColumns * kSub);
+      const double phi = 2 * std::numbers::pi * (j + 0.5) / (kColumns * kSub);
       const Vec3f wi(Vec3d{s * std::cos(phi), s * std::sin(phi), z});
       const auto bin = static_cast<std::size_t>((i / kSub) * kColumns + j / kSub);
       counts[bin] += samples * cell * static_cast<double>(evaluate_bsdf(bsdf, wi).pdf);
@@ -353,10 +353,11 @@ std::vector<double> observed_counts(const Bsdf& bsdf, int samples, std::uint32_t
     BsdfSample s;
     if (!sample_bsdf(bsdf, lobe, {u1, u2}, &s) || s.delta) continue;
     double phi = std::atan2(static_cast<double>(s.wi.y), static_cast<double>(s.wi.x));
-    if (phi < 0) phi += 2 * kPi;
+    if (phi < 0) phi += 2 * std::numbers::pi;
     const int row =
         std::min(static_cast<int>((static_cast<double>(s.wi.z) + 1) / 2 * kRows), kRows - 1);
-    const int column = std::min(static_cast<int>(phi / (2 * kPi) * kColumns), kColumns - 1);
+    const int column =
+        std::min(static_cast<int>(phi / (2 * std::numbers::pi) * kColumns), kColumns - 1);
     counts[static_cast<std::size_t>(row * kColumns + column)] += 1;
   }
   return counts;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <numbers>
 
 #include "tests/support/scene/gltf_builder.h"
 #include "tests/support/scene/memory_scene.h"
@@ -21,8 +22,6 @@ using render::fresnel_conductor;
 using render::fresnel_dielectric;
 using render::Vec3d;
 using render::Vec3f;
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// Fresnel's equations with a complex index.
 double fresnel(double cos_i, std::complex<double> index) {
@@ -60,7 +59,7 @@ double albedo(const render::RoughDiffuse& d, const Vec3f& wo) {
   for (int i = 0; i < kSteps; ++i) {
     const double z = std::sqrt((i + 0.5) / kSteps), s = std::sqrt(1 - z * z);
     for (int j = 0; j < kSteps; ++j) {
-      const double phi = 2 * kPi * (j + 0.5) / kSteps;
+      const double phi = 2 * std::numbers::pi * (j + 0.5) / kSteps;
       sum += double{rough_diffuse(d, wo, Vec3f(Vec3d{s * std::cos(phi), s * std::sin(phi), z})).x};
     }
   }
@@ -71,7 +70,7 @@ double albedo(const render::RoughDiffuse& d, const Vec3f& wo) {
 double single_albedo(double mu, double r) {
   const double si = std::sqrt(1 - mu * mu);
   const double g = si * (std::acos(mu) - si * mu) + 2.0 / 3 * (si / mu * (1 - si * si * si) - si);
-  return (1 + r * g / kPi) / (1 + r * (0.5 - 2 / (3 * kPi)));
+  return (1 + r * g / std::numbers::pi) / (1 + r * (0.5 - 2 / (3 * std::numbers::pi)));
 }
 
 TEST(RoughDiffuse, ConservesEnergyAndMatchesFormula) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "tests/support/scene/plain_scene.h"
 #include "worker/sampling/gradient_noise.h"
@@ -25,8 +26,6 @@ using render::Vec3d;
 using render::Vec3f;
 using render::Vec4f;
 using Pattern = ProceduralTexture::Pattern;
-
-constexpr double kPi = 3.14159265358979323846;
 
 ProceduralTexture procedural(Pattern pattern) {
   ProceduralTexture f;
@@ -88,7 +87,8 @@ TEST(ProceduralTexture, OctaveSumMatchesFormula) {
     f.pattern = Pattern::ridged;
     EXPECT_NEAR(pattern_at(f, p, 0), ridges / amplitude_sum, 2e-6);
     f.pattern = Pattern::marble;
-    const double phase = 2 * kPi * (p[0] + double{f.distortion} * amplitude_sum * absolute);
+    const double phase =
+        2 * std::numbers::pi * (p[0] + double{f.distortion} * amplitude_sum * absolute);
     EXPECT_NEAR(pattern_at(f, p, 0), 0.5 + 0.5 * std::sin(phase), 1e-5);
   }
 }
@@ -111,7 +111,7 @@ TEST(ProceduralTexture, PatternsMatchFormulas) {
     const double distortion = double{f.distortion};
     const double fbm = octave_mean(f, p, f.octaves, false);
     const double rings =
-        0.5 + 0.5 * std::sin(2 * kPi * (std::hypot(p[0], p[2]) + distortion * fbm));
+        0.5 + 0.5 * std::sin(2 * std::numbers::pi * (std::hypot(p[0], p[2]) + distortion * fbm));
     const double grain = octave_mean(f, {24 * p[0], 0.5 * p[1], 24 * p[2], p[3]}, 1, false);
     // A few float operations; sines and steps multiply the error of their arguments by up to 10.
     EXPECT_NEAR(pattern_at(f, p, 0), std::clamp(0.15 + 0.7 * rings + 0.15 * grain, 0.0, 1.0), 1e-5);
@@ -308,10 +308,11 @@ TEST(ProceduralTextureOnSurface, BumpTiltsNormal) {
     for (const float x : {0.1f, 0.3f, 0.55f, 0.9f}) {
       const auto p = surface_at(shading, {0, 0, 0}, x - 0.05f, 0.05f, {0, 0, -1});
       const Vec3f n = shading_normal_at(shading, p);
-      const double slope = 0.1 * kPi * std::cos(2 * kPi * double{x}) / scale;
+      const double slope =
+          0.1 * std::numbers::pi * std::cos(2 * std::numbers::pi * double{x}) / scale;
       const double length = std::sqrt(1 + slope * slope);
       // Central differences over a 64th of a wave: 0.2 % of the largest slope.
-      EXPECT_NEAR(n.x, -slope / length, 0.002 * 0.1 * kPi / scale + 1e-6) << x;
+      EXPECT_NEAR(n.x, -slope / length, 0.002 * 0.1 * std::numbers::pi / scale + 1e-6) << x;
       EXPECT_NEAR(n.y, 0, 1e-5);
       EXPECT_NEAR(n.z, 1 / length, 0.001);
     }

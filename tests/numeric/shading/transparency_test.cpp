@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "tests/support/scene/plain_scene.h"
 #include "worker/render/pixel_sums.h"
@@ -17,8 +18,6 @@ using render::Material;
 using render::Scene;
 using render::Vec3d;
 using render::Vec3f;
-
-constexpr double kPi = 3.14159265358979323846;
 
 Material lamp(float radiance) {
   Material m = lambert({0, 0, 0});
@@ -231,7 +230,7 @@ TEST(ThinSheet, TintsShadowRaysExactly) {
   auto settings = small_settings(1, 1, 4);
   settings.max_depth = 1;
   const Vec3d c = render_picture(scene, settings).at(0, 0);
-  const double open = 1 / kPi / 4 * 0.96 * 0.96;
+  const double open = 1 / std::numbers::pi / 4 * 0.96 * 0.96;
   EXPECT_NEAR(c.x, open * 0.27, 1e-6);
   EXPECT_NEAR(c.y, open * 0.5, 1e-6);
   EXPECT_NEAR(c.z, open * 0.07, 1e-6);
@@ -272,7 +271,7 @@ TEST(Alpha, ShadowRaysUseSameOpacity) {  // hard case 53
   scene.camera.yfov = 1e-4;
   auto settings = small_settings(8, 8, 128);
   settings.max_depth = 1;
-  expect_mean(scene, settings, std::pow(0.9, 16) / kPi / 4, 5e-4);
+  expect_mean(scene, settings, std::pow(0.9, 16) / std::numbers::pi / 4, 5e-4);
 }
 
 TEST(Alpha, MaskIsOpaqueAtCutoff) {  // hard case 53
@@ -378,7 +377,7 @@ TEST(Unlit, IsVisibleToCameraOnly) {
   floor.lights.push_back(light);
   look_at(&floor, {2, 1, 0}, {0, 0, 0});
   floor.camera.yfov = 1e-5;
-  EXPECT_NEAR(seen(floor, Background::automatic).rgb.x, 1 / kPi / 4, 1e-6);
+  EXPECT_NEAR(seen(floor, Background::automatic).rgb.x, 1 / std::numbers::pi / 4, 1e-6);
 }
 
 TEST(CullBackfaces, HidesBacksFromCameraOnly) {

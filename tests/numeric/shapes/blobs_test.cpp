@@ -15,12 +15,6 @@ namespace {
 
 constexpr Vec3d kUnit = {1, 1, 1};
 
-std::vector<ShapeHit> hits_of(const Shape& shape, const Vec3d& origin, const Vec3d& direction) {
-  std::vector<ShapeHit> hits;
-  intersect_shape(shape, origin, direction, hits);
-  return hits;
-}
-
 /// Two blobs of radius 1 at this distance along x.
 Shape pair_apart(double distance) {
   const Vec3d half = {distance / 2, 0, 0};

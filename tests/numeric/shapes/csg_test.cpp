@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "tests/numeric/shapes/solid_scenes.h"
 #include "worker/accel/build/instance_boxes.h"
@@ -10,14 +11,8 @@
 namespace tessera::render::testing {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 Shape unit_box() {
   return make_box({1, 1, 1});
-}
-
-Shape ball(double radius) {
-  return make_ellipsoid({radius, radius, radius});
 }
 
 /// [0,1]^3 with [0,1]^2 x [1,2], the latter moved by `shift` along z.
@@ -161,7 +156,7 @@ TEST(CsgVolume, LensMatchesFormula) {
   place_shape(scene, ball(1), moved({0.25, -0.5, 0}));
   place_shape(scene, ball(1), moved({0.25, 0.5, 0}));
   combine(scene, CsgOperation::intersect);
-  expect_mass(scene, 2 * kPi * 0.25 * (1 - 0.5 / 3), {0.25, 0, 0}, 2e-3);
+  expect_mass(scene, 2 * std::numbers::pi * 0.25 * (1 - 0.5 / 3), {0.25, 0, 0}, 2e-3);
 }
 
 TEST(CsgVolume, BoxWithoutCornerMatchesFormula) {
@@ -191,7 +186,7 @@ TEST(CsgVolume, DrilledMeshMatchesFormula) {
   place(scene, 0);
   place_shape(scene, make_cylinder(0.5, 4, true), moved({0.25, 0, 0}));
   combine(scene, CsgOperation::subtract);
-  const double hole = kPi * 0.25 * 2, volume = 8 - hole;
+  const double hole = std::numbers::pi * 0.25 * 2, volume = 8 - hole;
   expect_mass(scene, volume, {-0.25 * hole / volume, 0, 0}, 2e-3);
 }
 

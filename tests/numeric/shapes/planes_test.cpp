@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <memory>
+#include <numbers>
 
 #include "tests/numeric/motion/moving_scenes.h"
 #include "tests/numeric/shapes/every_accelerator.h"
@@ -23,12 +24,6 @@ using tessera::testing::Picture;
 using tessera::testing::render_picture;
 using tessera::testing::set_constant_sky;
 using tessera::testing::small_settings;
-
-constexpr double kPi = 3.14159265358979323846;
-
-Shape ball(double radius) {
-  return make_ellipsoid({radius, radius, radius});
-}
 
 /// A rotation that takes +y to an axis of the given sign, with entries 0 and +-1.
 Affine3d facing(int axis, double sign) {
@@ -348,7 +343,8 @@ TEST(PlanePicture, ShadowOfBallIsAnEllipse) {
   scene.camera.kind = Camera::Kind::orthographic;
   scene.camera.ymag = 1;
   const Picture picture = render_picture(std::move(scene), small_settings(64, 64, 64));
-  const double lit = 0.6 / kPi, shadow = kPi * 0.25 / 0.6;  // of the 4 m^2 seen
+  const double lit = 0.6 / std::numbers::pi,
+               shadow = std::numbers::pi * 0.25 / 0.6;  // of the 4 m^2 seen
   EXPECT_NEAR(picture.mean() / lit, 1 - shadow / 4, 1e-3);
 }
 

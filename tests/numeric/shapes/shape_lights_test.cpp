@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "tests/numeric/shapes/solid_scenes.h"
@@ -13,8 +14,6 @@
 
 namespace tessera::render::testing {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// A scene with one lamp.
 Scene lamp(const Shape& shape, const Affine3d& at, float radiance) {
@@ -50,13 +49,13 @@ double irradiance(const Scene& scene, int side) {
 
 TEST(ShapeLights, TinyDistantSphereGivesItsLight) {
   const Scene scene = lamp(make_ellipsoid({1, 1, 1}), moved({0, 0, 1e6}), 1e12f);
-  EXPECT_NEAR(irradiance(scene, 32) / kPi, 1, 1e-5);
+  EXPECT_NEAR(irradiance(scene, 32) / std::numbers::pi, 1, 1e-5);
 }
 
 TEST(ShapeLights, SphereLightIsExactAtAnySize) {
   for (const double sine : {0.9, 0.1, 1e-3, 1e-4, 1e-5, 1e-6}) {
     const Scene scene = lamp(make_ellipsoid({sine, sine, sine}), moved({0, 0, 1}), 1);
-    EXPECT_NEAR(irradiance(scene, 64) / (kPi * sine * sine), 1, 1e-3) << sine;
+    EXPECT_NEAR(irradiance(scene, 64) / (std::numbers::pi * sine * sine), 1, 1e-3) << sine;
   }
 }
 
@@ -67,9 +66,10 @@ TEST(ShapeLights, FlatLightIsExactAtAnyDistance) {
   const double square[] = {0.239456, 0.968340, 0.999673}, heights[] = {1, 0.1, 0.01};
   for (int i = 0; i < 3; ++i) {
     facing.translation = {0, 0, heights[i]};
-    EXPECT_NEAR(irradiance(lamp(make_rectangle(1, 1), facing, 1), 256) / kPi, square[i], 1e-3);
+    EXPECT_NEAR(irradiance(lamp(make_rectangle(1, 1), facing, 1), 256) / std::numbers::pi,
+                square[i], 1e-3);
     const double disc = 0.25 / (0.25 + heights[i] * heights[i]);
-    EXPECT_NEAR(irradiance(lamp(make_disc(0.5), facing, 1), 256) / kPi, disc, 2e-3);
+    EXPECT_NEAR(irradiance(lamp(make_disc(0.5), facing, 1), 256) / std::numbers::pi, disc, 2e-3);
   }
   facing.translation = {0, 0, 1e4};
   EXPECT_NEAR(irradiance(lamp(make_rectangle(1, 1), facing, 1e8f), 64), 1, 1e-3);
@@ -84,7 +84,7 @@ double cylinder_factor(double radius, double length, double distance) {
   const double ends =
       (a - 2 * d) / std::sqrt(a * b) * std::atan(std::sqrt(a * (d - 1) / (b * (d + 1)))) -
       std::atan(std::sqrt((d - 1) / (d + 1)));
-  return (std::atan(l / std::sqrt(d * d - 1)) + l * ends) / (kPi * d);
+  return (std::atan(l / std::sqrt(d * d - 1)) + l * ends) / (std::numbers::pi * d);
 }
 
 /// An upright cylinder in front of the origin, from `below` it to `above` it.
@@ -99,7 +99,8 @@ TEST(ShapeLights, CylinderIsExactAtAnyDistance) {
       if (!(distance > radius)) continue;
       const double expected =
           cylinder_factor(radius, 0.7, distance) + cylinder_factor(radius, 1.3, distance);
-      const double found = irradiance(upright_tube(radius, 0.7, 1.3, distance, 1), 256) / kPi;
+      const double found =
+          irradiance(upright_tube(radius, 0.7, 1.3, distance, 1), 256) / std::numbers::pi;
       EXPECT_NEAR(found / expected, 1, 2e-3) << radius << " at " << distance;
     }
   }
@@ -112,7 +113,7 @@ TEST(ShapeLights, CylinderIsExactAtAnySize) {
     // At this apparent size, samples are directed at a sphere around it.
     const bool beside = scale > 2e-8;
     const double found =
-        irradiance(upright_tube(radius, half, half, 1, 1), beside ? 256 : 512) / kPi;
+        irradiance(upright_tube(radius, half, half, 1, 1), beside ? 256 : 512) / std::numbers::pi;
     EXPECT_NEAR(found / expected, 1, beside ? 1e-3 : 0.03) << scale;
   }
 }
@@ -201,7 +202,7 @@ TEST(ShapeLights, MatchUniformDirectionSampling) {
         const Vec3d direction(dice.direction());
         ShapeHit hit;
         if (!emitter.find({}, direction, hit) || !hit.enters) continue;
-        sum += std::max(0.0, direction.z) * 4 * kPi;
+        sum += std::max(0.0, direction.z) * 4 * std::numbers::pi;
       }
       const double expected = sum / n;
       EXPECT_NEAR(irradiance(scene, 400), expected, 0.03 * expected + 0.01);
@@ -213,7 +214,7 @@ TEST(ShapeLights, MatchUniformDirectionSampling) {
 /// eccentricity.
 double oblate_area(double c) {
   const double e = std::sqrt(1 - c * c);
-  return 2 * kPi * (1 + c * c / e * std::atanh(e));
+  return 2 * std::numbers::pi * (1 + c * c / e * std::atanh(e));
 }
 
 /// Flux of a lamp of radiance 1 through a sphere of radius 3 around it, estimated by light samples
@@ -237,14 +238,14 @@ std::pair<double, double> flux(const Scene& scene, int samples) {
     sum += irradiance;
     squares += irradiance * irradiance;
   }
-  const double n = samples, mean = sum / n, sphere = 4 * kPi * 9;
+  const double n = samples, mean = sum / n, sphere = 4 * std::numbers::pi * 9;
   return {mean * sphere, std::sqrt((squares / n - mean * mean) / n) * sphere};
 }
 
 TEST(ShapeLights, FlattenedSphereEmitsByItsArea) {  // hard case 26
   // A diffuse lamp of radiance 1 emits pi a unit area. The shape is flat itself, or by its node.
   for (const double c : {0.5, 0.01}) {
-    const double expected = kPi * oblate_area(c);
+    const double expected = std::numbers::pi * oblate_area(c);
     for (const auto& [shape, placement] : {std::pair{make_ellipsoid({1, 1, c}), Affine3d{}},
                                            {make_ellipsoid({1, 1, 1}), scaled({1, 1, c})},
                                            {make_ellipsoid({1, 1, 1}), scaled({-1, 1, c})}}) {
@@ -274,8 +275,8 @@ TEST(ShapeLights, FlattenedMeshEmitsByItsArea) {  // hard case 26
   }
   EXPECT_NEAR(area, oblate_area(0.01), 0.02);  // that of a polyhedron is less
   const auto [found, error] = flux(scene, 1'000'000);
-  EXPECT_LT(std::fabs(found - kPi * area), 4 * error);
-  EXPECT_LT(error, 3e-3 * kPi * area);
+  EXPECT_LT(std::fabs(found - std::numbers::pi * area), 4 * error);
+  EXPECT_LT(error, 3e-3 * std::numbers::pi * area);
 }
 
 /// The far side of the shape is a receiver that lies on the lamp itself, whose rounded position may

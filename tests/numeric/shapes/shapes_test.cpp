@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <string>
 
 #include "tests/numeric/shapes/every_accelerator.h"
@@ -13,14 +14,6 @@
 
 namespace tessera::render::testing {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
-
-std::vector<ShapeHit> hits_of(const Shape& shape, const Vec3d& origin, const Vec3d& direction) {
-  std::vector<ShapeHit> hits;
-  intersect_shape(shape, origin, direction, hits);
-  return hits;
-}
 
 void expect_at(const std::vector<ShapeHit>& hits, const std::vector<double>& ts, double tolerance) {
   ASSERT_EQ(hits.size(), ts.size());
@@ -270,8 +263,9 @@ std::vector<Known> known_shapes() {
        }},
       {"terrain", make_terrain(hills(), 0.75),
        [](const Vec3d& p) {
-         const double wave = std::sin(2 * kPi * p.x) * std::cos(2 * kPi * p.z) +
-                             0.5 * std::sin(4 * kPi * p.x) * std::cos(4 * kPi * p.z);
+         const double wave =
+             std::sin(2 * std::numbers::pi * p.x) * std::cos(2 * std::numbers::pi * p.z) +
+             0.5 * std::sin(4 * std::numbers::pi * p.x) * std::cos(4 * std::numbers::pi * p.z);
          return std::fabs(p.x) <= 1 && std::fabs(p.z) <= 0.75 && p.y >= -0.75 &&
                 p.y <= 0.3 + 0.2 * wave;
        }},

@@ -6,6 +6,7 @@
 
 #include "tests/numeric/geometry/geometry_scenes.h"
 #include "worker/accel/reference/brute_force.h"
+#include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/make_shape.h"
 
 namespace tessera::render::testing {
@@ -20,6 +21,17 @@ inline Affine3d scaled(const Vec3d& by) {
   Affine3d m;
   for (int k = 0; k < 3; ++k) m.rows[static_cast<std::size_t>(k)][k] = by[k];
   return m;
+}
+
+inline Shape ball(double radius) {
+  return make_ellipsoid({radius, radius, radius});
+}
+
+inline std::vector<ShapeHit> hits_of(const Shape& shape, const Vec3d& origin,
+                                     const Vec3d& direction) {
+  std::vector<ShapeHit> hits;
+  intersect_shape(shape, origin, direction, hits);
+  return hits;
 }
 
 /// Adds an instance of a shape; returns its index.

@@ -46,12 +46,6 @@ Vec2d place_in(const TerrainForm& form, Dice& dice) {
   return {x * form.size.x, 0.5 * static_cast<double>(dice.both()) * form.size.y};
 }
 
-std::vector<ShapeHit> hits_of(const Shape& shape, const Vec3d& origin, const Vec3d& direction) {
-  std::vector<ShapeHit> hits;
-  intersect_shape(shape, origin, direction, hits);
-  return hits;
-}
-
 /// A random point on the ground.
 Vec3d on_ground(const TerrainField& field, Dice& dice) {
   const Vec2d at = place_in(field.form(), dice);

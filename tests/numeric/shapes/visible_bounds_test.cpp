@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "tests/numeric/shapes/solid_scenes.h"
 #include "worker/geometry/shapes/intersect_shape.h"
@@ -13,10 +14,9 @@
 namespace tessera::render::testing {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 Affine3d turned_about_y(double degrees, const Vec3d& place) {
-  const double s = std::sin(degrees * kPi / 180), c = std::cos(degrees * kPi / 180);
+  const double s = std::sin(degrees * std::numbers::pi / 180),
+               c = std::cos(degrees * std::numbers::pi / 180);
   return {{Vec3d{c, 0, s}, Vec3d{0, 1, 0}, Vec3d{-s, 0, c}}, place};
 }
 
@@ -41,7 +41,7 @@ TEST(VisibleBounds, RodTurnedOnToItsAxisIsThin) {
   scene.meshes = {mesh_of({rod})};
   place(scene, 0, {{Vec3d{0, -1, 0}, Vec3d{1, 0, 0}, Vec3d{0, 0, 1}}, {}});
   place(scene, 0, turned_about_y(30, {}));  // lies within the first but for its ends
-  const double x = 10 * std::cos(kPi / 6), z = 5;
+  const double x = 10 * std::cos(std::numbers::pi / 6), z = 5;
   expect_box(visible_bounds(scene), {-x, -10, -z}, {x, 10, z}, 0.06);
 }
 

@@ -56,6 +56,12 @@ render::Material lambert(const Vec3f& albedo) {
   return m;
 }
 
+render::Material lamp(float radiance) {
+  render::Material m = lambert({0, 0, 0});
+  m.emission = {radiance, radiance, radiance};
+  return m;
+}
+
 render::Material metal(float roughness) {
   render::Material m;
   m.roughness = roughness;

@@ -21,6 +21,8 @@ std::int32_t add_material(render::Scene* scene, const render::Material& material
 
 /// A Lambert material: no specular layer.
 render::Material lambert(const render::Vec3f& albedo);
+/// Black, emitting this radiance.
+render::Material lamp(float radiance);
 /// A white metal of the given roughness.
 render::Material metal(float roughness);
 /// Smooth solid glass without tint.

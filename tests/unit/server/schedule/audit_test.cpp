@@ -6,13 +6,14 @@
 #include <string>
 #include <vector>
 
+#include "tests/unit/server/schedule/scheduler_harness.h"
+
 namespace tessera::server {
 namespace {
 
 using contract::Unit;
 
-const contract::Digest truth = contract::sha256("true"), wrong = contract::sha256("false"),
-                       other_lie = contract::sha256("other");
+const contract::Digest other_lie = contract::sha256("other");
 
 using Names = std::vector<std::string>;
 

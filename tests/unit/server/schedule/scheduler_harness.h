@@ -9,9 +9,13 @@
 #include <utility>
 #include <vector>
 
+#include "contract/digest.h"
 #include "server/schedule/scheduler/scheduler.h"
 
 namespace tessera::server {
+
+/// Digests of results.
+inline const contract::Digest truth = contract::sha256("true"), wrong = contract::sha256("false");
 
 /// A scheduler whose clock and workers the test controls.
 class SchedulerHarness {

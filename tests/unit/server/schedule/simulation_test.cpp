@@ -1,4 +1,5 @@
 // Simulated farms. TESSERA_SEEDS=COUNT runs so many instead of 500, TESSERA_FIRST_SEED others.
+// Two tests share the seeds, so that ctest runs them side by side.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -15,9 +16,17 @@ int from_environment(const char* name, int otherwise) {
   return text == nullptr ? otherwise : std::atoi(text);
 }
 
-TEST(Simulation, InvariantsHoldForAllSeeds) {
-  const int first = from_environment("TESSERA_FIRST_SEED", 1);
-  const int count = from_environment("TESSERA_SEEDS", 500);
+constexpr int kShares = 2;
+
+class Simulation : public testing::TestWithParam<int> {};
+
+INSTANTIATE_TEST_SUITE_P(Seeds, Simulation, testing::Range(0, kShares));
+
+TEST_P(Simulation, InvariantsHoldForAllSeeds) {
+  const int all = from_environment("TESSERA_SEEDS", 500);
+  const int begin = all * GetParam() / kShares;
+  const int first = from_environment("TESSERA_FIRST_SEED", 1) + begin;
+  const int count = all * (GetParam() + 1) / kShares - begin;
   SimulatedFarm::Events sum;
   for (int seed = first; seed < first + count; ++seed) {
     SimulatedFarm farm(static_cast<std::uint64_t>(seed));
@@ -56,7 +65,7 @@ TEST(Simulation, InvariantsHoldForAllSeeds) {
   }
 }
 
-TEST(Simulation, SameSeedGivesSameRun) {
+TEST(SimulatedFarm, SameSeedGivesSameRun) {
   SimulatedFarm one(7), other(7);
   EXPECT_EQ(one.run(), other.run());
   EXPECT_EQ(one.events().commits, other.events().commits);

@@ -12,8 +12,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-const contract::Digest truth = contract::sha256("true"), wrong = contract::sha256("false");
-
 // Failures ----------------------------------------------------------------------------------------
 
 TEST(Witness, OneWorkersFailuresDoNotFailJob) {

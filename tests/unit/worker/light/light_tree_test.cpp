@@ -3,19 +3,18 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <vector>
 
 namespace tessera::render {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 LightBounds lamp(const Vec3d& position, double strength) {
   LightBounds b;
   b.box_min = b.box_max = position;
-  b.normal_angle = kPi;
-  b.emission_angle = kPi / 2;
+  b.normal_angle = std::numbers::pi;
+  b.emission_angle = std::numbers::pi / 2;
   b.strength = strength;
   return b;
 }
@@ -26,7 +25,7 @@ LightBounds patch(const Vec3d& position, const Vec3d& axis, double strength) {
   b.box_min = position - Vec3d{0.01, 0.01, 0.01};
   b.box_max = position + Vec3d{0.01, 0.01, 0.01};
   b.axis = normalize(axis);
-  b.emission_angle = kPi / 2;
+  b.emission_angle = std::numbers::pi / 2;
   b.strength = strength;
   return b;
 }

@@ -4,14 +4,13 @@
 
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "worker/sampling/sampler.h"
 
 namespace tessera::render {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 using Corners = std::array<Vec3d, 3>;
 
@@ -26,7 +25,8 @@ std::array<Corners, 2> unit_square(double z) {
 }
 
 TEST(SphericalTriangle, SolidAngleMatchesFormula) {
-  EXPECT_NEAR(seen({Vec3d{1, 0, 0}, {0, 2, 0}, {0, 0, 3}}).solid_angle, kPi / 2, 1e-14);
+  EXPECT_NEAR(seen({Vec3d{1, 0, 0}, {0, 2, 0}, {0, 0, 3}}).solid_angle, std::numbers::pi / 2,
+              1e-14);
   for (const double z : {1e3, 1.0, 0.1, 0.01, 1e-3, 1e-6}) {
     const double expected = 4 * std::atan(1 / (2 * z * std::sqrt(4 * z * z + 2)));
     const auto square = unit_square(z);
@@ -147,7 +147,7 @@ TEST(SphericalTriangle, SquareFormFactorMatchesFormula) {  // hard case 58
       for (int k = 0; k < kSide * kSide; ++k) {
         const int row = k / kSide, column = k % kSide;
         const Vec3d d = triangle.sample((column + 0.5) / kSide, (row + 0.5) / kSide);
-        sum += d.y * triangle.solid_angle / kPi / (kSide * kSide);
+        sum += d.y * triangle.solid_angle / std::numbers::pi / (kSide * kSide);
       }
     }
     EXPECT_NEAR(sum, expected[i], 1e-3) << heights[i];

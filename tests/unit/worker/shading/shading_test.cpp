@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numbers>
 
 #include "worker/geometry/frame.h"
 #include "worker/sampling/sampler.h"
@@ -22,10 +23,8 @@
 namespace tessera::render {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 double cos_degrees(double degrees) {
-  return std::cos(degrees * kPi / 180);
+  return std::cos(degrees * std::numbers::pi / 180);
 }
 
 TEST(Bsdf, LambertSpecialisationMatchesGeneral) {
@@ -115,7 +114,7 @@ TEST(Microfacet, DensityIsPreciseForTinyAlpha) {  // hard case 37
       // The half vector passed to the float function, in double.
       const double x = h.x, z = h.z, a = alpha;
       const double q = a / (x * x + a * a * z * z);
-      ASSERT_NEAR(ggx_d(h, alpha) / (q * q / kPi), 1, 1e-5) << alpha << " " << i;
+      ASSERT_NEAR(ggx_d(h, alpha) / (q * q / std::numbers::pi), 1, 1e-5) << alpha << " " << i;
     }
   }
 }

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <string>
 
 #include "tests/support/scene/gltf_builder.h"
@@ -15,8 +16,6 @@ using testing::bytes_of;
 using testing::GltfBuilder;
 using testing::load_and_pose;
 using testing::unit_quad;
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// A quad on node 0 whose `path` is animated with the given keys at 0 s, 1 s and 3 s.
 GltfBuilder& add_channel(GltfBuilder& b, const std::string& path, const char* type,
@@ -93,7 +92,8 @@ TEST(Animation, RotationFollowsShorterArc) {
   add_channel(b, "rotation", "VEC4", {0, 0, 0, 1, 0, 0, -r, -r, 0, 0, 1, 0}, "LINEAR");
   for (const int frame : {0, 3, 7, 10, 14, 26, 30}) {
     const double t = frame / 10.0;
-    const double angle = t < 1 ? t * kPi / 2 : kPi / 2 + (t - 1) / 2 * kPi / 2;
+    const double angle = t < 1 ? t * std::numbers::pi / 2
+                               : std::numbers::pi / 2 + (t - 1) / 2 * std::numbers::pi / 2;
     const double c = std::cos(angle), s = std::sin(angle);
     expect_near(corner_at(b, frame), {c - s, s + c, 0}, 1e-6);
   }

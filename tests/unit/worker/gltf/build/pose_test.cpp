@@ -23,7 +23,7 @@ Vec3d world_of(const Scene& scene, std::size_t instance, const Vec3f& p) {
   return transform_point(scene.instances[instance].object_to_world, Vec3d(p)) + scene.center;
 }
 
-void expect_near(const Vec3d& a, const Vec3d& b, double tolerance = 1e-12) {
+void expect_point(const Vec3d& a, const Vec3d& b, double tolerance = 1e-12) {
   EXPECT_NEAR(a.x, b.x, tolerance);
   EXPECT_NEAR(a.y, b.y, tolerance);
   EXPECT_NEAR(a.z, b.z, tolerance);
@@ -39,7 +39,7 @@ TEST(Nodes, TransformsComposeDownTree) {
   const auto scene = load_and_pose(b);
   ASSERT_TRUE(scene.ok()) << scene.status();
   // (1,1,0) -> +1 x -> (2,1,0) -> scale -> (4,2,0) -> rotate -> (0,2,-4) -> +10 x.
-  expect_near(world_of(*scene, 0, {1, 1, 0}), {10, 2, -4});
+  expect_point(world_of(*scene, 0, {1, 1, 0}), {10, 2, -4});
 }
 
 TEST(Nodes, SixtyFourLevelsComposeExactly) {  // hard case 29
@@ -69,7 +69,7 @@ TEST(Nodes, SixtyFourLevelsComposeExactly) {  // hard case 29
   ASSERT_TRUE(scene.ok()) << scene.status();
   ASSERT_EQ(scene->instances.size(), 1u) << "a leaf this deep must not be lost";
   // Each level rounds about 20 times, by 2^-53 of the translations of up to 64 levels (4 each).
-  expect_near(world_of(*scene, 0, {1, 1, 0}), expected, kLevels * 20 * 0x1p-53 * kLevels * 4);
+  expect_point(world_of(*scene, 0, {1, 1, 0}), expected, kLevels * 20 * 0x1p-53 * kLevels * 4);
 }
 
 TEST(Nodes, MatrixEqualsTranslationRotationScale) {
@@ -81,9 +81,9 @@ TEST(Nodes, MatrixEqualsTranslationRotationScale) {
   const auto scene = load_and_pose(b);
   ASSERT_TRUE(scene.ok()) << scene.status();
   for (const Vec3f p : {Vec3f{1, 0, 0}, Vec3f{0, 1, 0}, Vec3f{1, 1, 0}}) {
-    expect_near(world_of(*scene, 0, p), world_of(*scene, 1, p));
+    expect_point(world_of(*scene, 0, p), world_of(*scene, 1, p));
   }
-  expect_near(world_of(*scene, 0, {1, 1, 0}), {5, 9, 5});
+  expect_point(world_of(*scene, 0, {1, 1, 0}), {5, 9, 5});
 }
 
 TEST(Nodes, InstancesShareMeshInDepthFirstOrder) {
@@ -167,8 +167,8 @@ TEST(Instancing, PlacesOneInstancePerElement) {
   EXPECT_EQ(scene->meshes.size(), 1u);
   EXPECT_EQ(scene->instances[1].node, 0);
   EXPECT_EQ(scene->instances[2].node, 1);
-  expect_near(world_of(*scene, 0, {1, 1, 0}), {2, 1, 5});
-  expect_near(world_of(*scene, 1, {1, 1, 0}), {-3, -1, 5});
+  expect_point(world_of(*scene, 0, {1, 1, 0}), {2, 1, 5});
+  expect_point(world_of(*scene, 1, {1, 1, 0}), {-3, -1, 5});
 }
 
 /// A small room with a camera and a light, all below one node translated by `t`.
@@ -204,8 +204,8 @@ TEST(Recentring, TranslatedSceneHasSameBits) {
   const Vec3d moved = far->center - here->center;
   EXPECT_NEAR(moved.x, 1048576, 1e-9);
   // Only the rotated quad's corner at 1e6 rounds: one ulp there is 1.2e-10.
-  expect_near(here->camera.camera_to_world.translation, far->camera.camera_to_world.translation,
-              1e-9);
+  expect_point(here->camera.camera_to_world.translation, far->camera.camera_to_world.translation,
+               1e-9);
 }
 
 TEST(Recentring, IsExactWhenSumsAreExact) {
@@ -282,12 +282,12 @@ TEST(Cameras, DefaultCameraFramesScene) {
   // Half the diagonal of 6 x 8 is 5; the direction is normalize(0.5, 0.35, 1).
   const double length = std::sqrt(0.25 + 0.35 * 0.35 + 1);
   const double distance = 5 / std::sin(20 * std::acos(-1.0) / 180);
-  expect_near(scene->camera.camera_to_world.translation,
-              {distance * 0.5 / length, distance * 0.35 / length, distance / length}, 1e-12);
+  expect_point(scene->camera.camera_to_world.translation,
+               {distance * 0.5 / length, distance * 0.35 / length, distance / length}, 1e-12);
   EXPECT_NEAR(scene->camera.yfov, 40 * std::acos(-1.0) / 180, 1e-15);
   // It looks at the centre, +y up, and its axes are right-handed and orthonormal.
   const Affine3d& m = scene->camera.camera_to_world;
-  expect_near(transform_point(m, Vec3d{0, 0, -distance}), {0, 0, 0}, 1e-12);
+  expect_point(transform_point(m, Vec3d{0, 0, -distance}), {0, 0, 0}, 1e-12);
   EXPECT_NEAR(determinant(m), 1, 1e-15);
   EXPECT_EQ(m.rows[1].x, 0);  // the x axis is level
   EXPECT_GT(m.rows[1].y, 0);
@@ -346,10 +346,10 @@ TEST(Lights, FollowNodeTransform) {
   EXPECT_EQ(spot.range, 20.0f);
   EXPECT_NEAR(spot.cos_inner, std::cos(0.5), 1e-7);
   EXPECT_NEAR(spot.cos_outer, std::cos(1.0), 1e-7);
-  expect_near(spot.position + scene->center, {1, 5, 2});
-  expect_near(Vec3d(spot.direction), {0, -1, 0}, 1e-7);
+  expect_point(spot.position + scene->center, {1, 5, 2});
+  expect_point(Vec3d(spot.direction), {0, -1, 0}, 1e-7);
   EXPECT_EQ(scene->lights[1].kind, PunctualLight::Kind::directional);
-  expect_near(Vec3d(scene->lights[1].direction), {0, 0, -1});
+  expect_point(Vec3d(scene->lights[1].direction), {0, 0, -1});
   EXPECT_EQ(scene->lights[2].name, "bulb");
   EXPECT_EQ(scene->lights[2].intensity, (Vec3f{1, 1, 1}));
   EXPECT_FALSE(scene->has_environment);
@@ -381,7 +381,7 @@ TEST(Lights, DirectionIgnoresNodeScale) {
     const auto scene = load_and_pose(b);
     ASSERT_TRUE(scene.ok()) << scene.status();
     ASSERT_EQ(scene->lights.size(), 1u) << scale;
-    expect_near(Vec3d(scene->lights[0].direction), {0, -1, 0}, 1e-7);
+    expect_point(Vec3d(scene->lights[0].direction), {0, -1, 0}, 1e-7);
   }
 }
 

@@ -4,18 +4,17 @@
 
 #include <cmath>
 #include <functional>
+#include <numbers>
 
 namespace tessera::render {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// A torus of `n` x `n` quads with exact normals and, in `authored`, the direction of u.
 Primitive torus(int n, std::vector<Vec3d>* authored, bool mirrored = false) {
   Primitive p;
   for (int j = 0; j <= n; ++j) {
     for (int i = 0; i <= n; ++i) {
-      const double u = 2 * kPi * i / n, v = 2 * kPi * j / n;
+      const double u = 2 * std::numbers::pi * i / n, v = 2 * std::numbers::pi * j / n;
       const double ring = 3 + std::cos(v);
       p.positions.push_back(Vec3f(Vec3d{ring * std::cos(u), ring * std::sin(u), std::sin(v)}));
       p.normals.push_back(
@@ -43,7 +42,7 @@ TEST(Tangents, MatchAuthoredOnesOnTorus) {
   for (std::size_t c = 0; c < tangents.size(); ++c) {
     const Vec3d want = authored[p.triangles[c / 3][c % 3]];
     const double cosine = dot(normalize(Vec3d(tangents[c].xyz())), want);
-    good += cosine > std::cos(kPi / 180) ? 1 : 0;
+    good += cosine > std::cos(std::numbers::pi / 180) ? 1 : 0;
     EXPECT_GT(cosine, 0.99);
   }
   EXPECT_GE(good, static_cast<int>(tangents.size() * 99 / 100));
@@ -57,8 +56,8 @@ TEST(Tangents, SignPointsBitangentAgainstV) {
     for (std::size_t c = 0; c < tangents.size(); ++c) {
       const std::uint32_t v = p.triangles[c / 3][c % 3];
       const auto row = v / 17;
-      const double angle = 2 * kPi * row / 16;
-      const double around = 2 * kPi * (v % 17) / 16;
+      const double angle = 2 * std::numbers::pi * row / 16;
+      const double around = 2 * std::numbers::pi * (v % 17) / 16;
       const Vec3d along_v = {-std::sin(angle) * std::cos(around),
                              -std::sin(angle) * std::sin(around), std::cos(angle)};
       const Vec3f bitangent = cross(p.normals[v], tangents[c].xyz()) * tangents[c].w;
@@ -118,7 +117,7 @@ Primitive quad_sphere(const std::function<bool(int, int)>& falls) {
   Primitive p;
   for (int j = 0; j <= 16; ++j) {
     for (int i = 0; i <= 32; ++i) {
-      const double around = 2 * kPi * i / 32, down = kPi * (j + 1) / 18;
+      const double around = 2 * std::numbers::pi * i / 32, down = std::numbers::pi * (j + 1) / 18;
       const Vec3f n(Vec3d{std::sin(down) * std::cos(around), std::cos(down),
                           -std::sin(down) * std::sin(around)});
       p.positions.push_back(n);
