@@ -1,20 +1,13 @@
 #pragma once
 
+#include "absl/base/config.h"
 #include "absl/status/statusor.h"
-
-// Sanitizers stop the threads of the process with ptrace, from a process that shares its memory,
-// and look up symbols. The sandbox of builds with them allows this and limits no reading.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define TESSERA_SANITIZER 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define TESSERA_SANITIZER 1
-#endif
-#endif
 
 namespace tessera::agent {
 
-#ifdef TESSERA_SANITIZER
+// Sanitizers stop the threads of the process with ptrace, from a process that shares its memory,
+// and look up symbols. The sandbox of builds with them allows this and limits no reading.
+#if defined(ABSL_HAVE_ADDRESS_SANITIZER) || defined(ABSL_HAVE_THREAD_SANITIZER)
 inline constexpr bool kHasSanitizer = true;
 #else
 inline constexpr bool kHasSanitizer = false;

@@ -13,17 +13,10 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "absl/base/config.h"
 #include "server/film/image_export.h"
 #include "tests/support/json_schema.h"
 #include "tests/unit/server/film/made_blocks.h"
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define TESSERA_SANITIZED
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define TESSERA_SANITIZED
-#endif
-#endif
 
 namespace tessera::server {
 namespace {
@@ -424,7 +417,7 @@ TEST_F(FrameWriterTest, FullDiskOrMissingFolderIsAnError) {
 }
 
 TEST_F(FrameWriterTest, WideFrameIsWrittenInBands) {
-#ifdef TESSERA_SANITIZED
+#if defined(ABSL_HAVE_ADDRESS_SANITIZER) || defined(ABSL_HAVE_THREAD_SANITIZER)
   GTEST_SKIP() << "a sanitizer keeps freed memory and shadows of the rest";
 #endif
   spec_.settings.width = 1024;

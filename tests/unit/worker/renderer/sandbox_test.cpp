@@ -76,7 +76,7 @@ TEST(Sandbox, ProgramsAreRefused) {
   });
 }
 
-#ifndef TESSERA_SANITIZER
+#if !defined(ABSL_HAVE_ADDRESS_SANITIZER) && !defined(ABSL_HAVE_THREAD_SANITIZER)
 TEST(Sandbox, NewProcessesAreRefused) {
   expect_refused([] { return ::syscall(SYS_fork); });
   expect_refused([] { return ::syscall(SYS_vfork); });
