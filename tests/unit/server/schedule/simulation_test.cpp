@@ -1,6 +1,6 @@
-// Simulated farms. TESSERA_SEEDS=COUNT runs so many instead of 500 (or of 100 with AddressSanitizer, which
-// takes 15 times as long), TESSERA_FIRST_SEED others. Two tests share the seeds, so that ctest runs them
-// side by side.
+// Simulated farms. TESSERA_SEEDS=COUNT runs so many instead of 500 (or of 100 with
+// AddressSanitizer, which takes 15 times as long), TESSERA_FIRST_SEED others. Two tests share the
+// seeds, so that ctest runs them side by side.
 #include <gtest/gtest.h>
 
 #include <cstdio>
