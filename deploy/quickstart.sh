@@ -33,10 +33,11 @@ build=$source_dir/build/$preset
 
 name=$(basename "${scene%.*}")
 PATH=$build/bin:$PATH
-result=$(tessera render "$scene" --output "$PWD/$name.exr" --report "$PWD/$name.report.json" \
-  --workers 2 --force "${options[@]}")
-oiiotool "$PWD/$name.exr" --ch R,G,B --clamp:min=0:max=1 --colorconvert linear sRGB -d uint8 \
-  -o "$PWD/$name.png"
+store=$(mktemp -d)  # keeps the samples for the second image
+trap 'rm -rf "$store"' EXIT
+render() { tessera render "$scene" --store "$store" --workers 2 --force "${options[@]}" "$@"; }
+result=$(render --output "$PWD/$name.exr" --report "$PWD/$name.report.json")
+render --output "$PWD/$name.png" >/dev/null
 
 echo "image:   $PWD/$name.exr"
 echo "PNG:     $PWD/$name.png"

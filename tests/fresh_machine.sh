@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Shows that a clone is sufficient: creates a minimal Debian 12 in a directory, copies a clone of HEAD into
-# it, and runs tests/run.sh and deploy/quickstart.sh there.
+# it, and runs deploy/quickstart.sh and tests/run.sh there.
 #
 #   tests/fresh_machine.sh FOLDER [LOG]      as root, with debootstrap and git; FOLDER must not exist
 #
@@ -39,7 +39,7 @@ inside() {
   echo "What \`tests/fresh_machine.sh\` printed: a minimal Debian 12 (debootstrap, $(
     inside 'dpkg-query -f . -W | wc -c') packages), $(nproc) cores, a clone of commit"
   echo "$(git -C "$root" rev-parse --short HEAD), nothing else installed${CACHE:+ (a compiler cache was lent)}. Build progress is left out."
-  for command in tests/run.sh "deploy/quickstart.sh"; do
+  for command in deploy/quickstart.sh tests/run.sh; do  # the quick start installs fewer packages
     echo
     echo "## \`$command\`"
     echo
