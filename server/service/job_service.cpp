@@ -198,10 +198,11 @@ grpc::ServerUnaryReactor* JobService::UpdateJob(grpc::CallbackServerContext* con
 grpc::ServerWriteReactor<v1::GetJobReportResponse>* JobService::GetJobReport(
     grpc::CallbackServerContext* context, const v1::GetJobReportRequest* request) {
   const auto caller = admit(*context, "JobService.GetJobReport", request->job_id());
-  if (!caller.ok()) return send_report(caller, caller.status());
-  const auto report = coordinator_.queries().report(request->job_id());
-  if (!report.ok()) return send_report(caller, report.status());
-  return send_report(caller, report_json(*report));
+  return send_report(io_, caller, [this, id = request->job_id()]() -> absl::StatusOr<std::string> {
+    const auto report = coordinator_.queries().report(id);
+    if (!report.ok()) return report.status();
+    return report_json(*report);
+  });
 }
 
 grpc::ServerUnaryReactor* JobService::ListDeliveries(grpc::CallbackServerContext* context,

@@ -154,6 +154,7 @@ bool FarmChange::waits_for_room(const Job& job) {
 }
 
 void FarmChange::pause_for_room(Job& job, const absl::Status& status) {
+  if (job.state == JobState::paused) return;  // it resumes when who paused it wants
   scheduler()
       .pause(job, absl::StrCat(kStoreFull, std::string(status.message())), now())
       .IgnoreError();

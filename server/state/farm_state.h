@@ -116,7 +116,7 @@ class ABSL_SCOPED_LOCKABLE FarmChange : public FarmView {
   void note_demand(Job& job);
   /// Forgets an ended job.
   void remove_job(const Job& job);
-  /// Pauses a job because the disk is full. Does nothing for an ended job.
+  /// Pauses a job because the disk is full. Does nothing for an ended or paused job.
   void pause_for_room(Job& job, const absl::Status& status);
   /// Returns whether a job was paused by pause_for_room(), also by an earlier server.
   static bool waits_for_room(const Job& job);

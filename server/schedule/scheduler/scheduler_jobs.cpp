@@ -187,7 +187,7 @@ absl::Status Scheduler::pause(Job& job, const std::string& reason, Time now) {
   if (has_ended(job.state)) {
     return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id, " has ended"));
   }
-  if (job.state != JobState::paused) set_state(job, JobState::paused, reason, now);
+  set_state(job, JobState::paused, reason, now);
   return absl::OkStatus();
 }
 

@@ -394,7 +394,12 @@ void Scheduler::wake(Worker& worker) {
 }
 
 void Scheduler::revoke(Worker& worker, const Job& job, const Unit& unit) {
-  worker.outbox.revoked.push_back({job.spec->id, unit});
+  Outbox& outbox = worker.outbox;
+  const bool is_unsent =
+      std::any_of(outbox.leases.begin(), outbox.leases.end(), [&](const Lease& lease) {
+        return lease.job_id == job.spec->id && lease.covers(unit);
+      });
+  (is_unsent ? outbox.withdrawn : outbox.revoked).push_back({job.spec->id, unit});
   wake(worker);
 }
 

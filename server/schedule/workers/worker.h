@@ -34,16 +34,18 @@ struct Acknowledgement {
 struct Outbox {
   std::vector<Lease> leases;
   std::vector<UnitName> revoked;
+  std::vector<UnitName> withdrawn;  // revoked units of `leases`, which are sent before
   std::vector<Acknowledgement> acknowledgements;
   std::vector<std::string> ended_jobs;
   bool drain = false;  // finish started units and exit
 
   bool empty() const {
-    return leases.empty() && revoked.empty() && acknowledgements.empty() && ended_jobs.empty() &&
-           !drain;
+    return leases.empty() && revoked.empty() && withdrawn.empty() && acknowledgements.empty() &&
+           ended_jobs.empty() && !drain;
   }
   std::size_t size() const {
-    return leases.size() + revoked.size() + acknowledgements.size() + ended_jobs.size();
+    return leases.size() + revoked.size() + withdrawn.size() + acknowledgements.size() +
+           ended_jobs.size();
   }
 };
 

@@ -24,12 +24,13 @@ std::size_t part_end(const std::string& text, std::size_t begin) {
 /// Sends one part after the other; one write at a time, so it needs no lock.
 class ReportStream final : public grpc::ServerWriteReactor<v1::GetJobReportResponse> {
  public:
-  ReportStream(Caller caller, absl::StatusOr<std::string> report) : caller_(std::move(caller)) {
-    if (!report.ok()) {
-      Finish(contract::to_rpc(report.status()));
+  ReportStream(IoPool& io, const absl::StatusOr<Caller>& caller,
+               std::function<absl::StatusOr<std::string>()> read)
+      : caller_(caller.value_or(Caller{})) {
+    if (caller.ok()) {
+      io.post([this, reader = std::move(read)] { start(reader()); });
     } else {
-      text_ = *std::move(report);
-      write_next();
+      Finish(contract::to_rpc(caller.status()));
     }
   }
 
@@ -42,6 +43,12 @@ class ReportStream final : public grpc::ServerWriteReactor<v1::GetJobReportRespo
   void OnDone() override { delete this; }
 
  private:
+  void start(absl::StatusOr<std::string> report) {
+    if (!report.ok()) return Finish(contract::to_rpc(report.status()));
+    text_ = *std::move(report);
+    write_next();
+  }
+
   void write_next() {
     const std::size_t end = part_end(text_, sent_bytes_);
     response_.set_report_json(text_.substr(sent_bytes_, end - sent_bytes_));
@@ -58,8 +65,9 @@ class ReportStream final : public grpc::ServerWriteReactor<v1::GetJobReportRespo
 }  // namespace
 
 grpc::ServerWriteReactor<v1::GetJobReportResponse>* send_report(
-    const absl::StatusOr<Caller>& caller, absl::StatusOr<std::string> report) {
-  return new ReportStream(caller.value_or(Caller{}), std::move(report));
+    IoPool& io, const absl::StatusOr<Caller>& caller,
+    std::function<absl::StatusOr<std::string>()> read) {
+  return new ReportStream(io, caller, std::move(read));
 }
 
 }  // namespace tessera::server

@@ -49,6 +49,13 @@ double valid_seconds(double seconds) {
   return seconds >= 0 && seconds <= kMaxSeconds ? seconds : 0;
 }
 
+void write_revocations(const std::vector<UnitName>& units, std::deque<v1::WorkResponse>& out) {
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    if (i % kAcknowledgementsPerMessage == 0) out.emplace_back();
+    *out.back().mutable_revocation()->add_units() = to_message(units[i]);
+  }
+}
+
 /// Converts an outbox to messages, acknowledgements first, because they free memory of the worker.
 void write_outbox(const Outbox& outbox, std::deque<v1::WorkResponse>& out) {
   for (std::size_t i = 0; i < outbox.acknowledgements.size(); ++i) {
@@ -56,10 +63,7 @@ void write_outbox(const Outbox& outbox, std::deque<v1::WorkResponse>& out) {
     *out.back().mutable_acknowledgements()->add_acknowledgements() =
         to_message(outbox.acknowledgements[i]);
   }
-  for (std::size_t i = 0; i < outbox.revoked.size(); ++i) {
-    if (i % kAcknowledgementsPerMessage == 0) out.emplace_back();
-    *out.back().mutable_revocation()->add_units() = to_message(outbox.revoked[i]);
-  }
+  write_revocations(outbox.revoked, out);
   for (const std::string& job_id : outbox.ended_jobs) {
     out.emplace_back();
     out.back().mutable_job_ended()->set_job_id(job_id);
@@ -69,6 +73,7 @@ void write_outbox(const Outbox& outbox, std::deque<v1::WorkResponse>& out) {
     if (i % kLeasesPerMessage == 0) out.emplace_back();
     *out.back().mutable_leases()->add_leases() = to_message(outbox.leases[i]);
   }
+  write_revocations(outbox.withdrawn, out);
 }
 
 class WorkStream;

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <set>
+#include <thread>
 #include <utility>
 
 #include "server/service/messages/messages.h"
@@ -33,14 +34,23 @@ class ReportServer : public v1::JobService::CallbackService {
     return parts;
   }
 
+  /// Whether the report was read on another thread than that of gRPC which took the request.
+  bool was_read_apart() const { return reader_ != handler_; }
+
  private:
   grpc::ServerWriteReactor<v1::GetJobReportResponse>* GetJobReport(
       grpc::CallbackServerContext* /*context*/,
       const v1::GetJobReportRequest* /*request*/) override {
-    return send_report(Caller{}, report_);
+    handler_ = std::this_thread::get_id();
+    return send_report(io_, Caller{}, [this]() -> absl::StatusOr<std::string> {
+      reader_ = std::this_thread::get_id();
+      return report_;
+    });
   }
 
   const std::string report_;
+  std::thread::id handler_, reader_;
+  IoPool io_{1};
   int port_ = 0;
   std::unique_ptr<grpc::Server> server_;
 };
@@ -55,6 +65,12 @@ TEST(LargeReplies, ReportBeyondMessageLimitArrives) {
   const std::string report(std::size_t{9} << 20, 'r');
   EXPECT_EQ(joined(ReportServer(report).read_parts()), report);
   EXPECT_EQ(ReportServer("{}").read_parts(), std::vector<std::string>{"{}"});
+}
+
+TEST(LargeReplies, ReportIsReadOnThreadOfThePool) {
+  const ReportServer server("{}");
+  EXPECT_EQ(server.read_parts().size(), 1U);
+  EXPECT_TRUE(server.was_read_apart());
 }
 
 TEST(LargeReplies, PartsOfReportHoldWholeCharacters) {

@@ -21,6 +21,7 @@ class RecordedFile final : public server::File {
       : disk_(disk), path_(std::move(path)), file_(std::move(file)), is_foreign_(is_foreign) {}
 
   absl::Status append(std::string_view bytes) override {
+    if (!disk_.grant_write()) return absl::ResourceExhaustedError("the disk is full");
     disk_.record({Kind::write, path_, "", file_->size(), std::string(bytes)});
     return file_->append(bytes);
   }
@@ -56,15 +57,23 @@ PowerCutDisk::PowerCutDisk(std::string root)
     : root_(std::move(root)),
       disk_(server::real_filesystem()),
       vfs_(std::make_unique<RecordingVfs>([this](DiskEvent event) {
+        if (event.kind == Kind::write && !grant_write()) return false;
         record(std::move(event));
         return true;
       })) {
   for (const auto& entry : std::filesystem::recursive_directory_iterator(root_)) {
-    if (entry.is_regular_file()) is_foreign_[relative(entry.path().string())] = false;
+    if (!entry.is_regular_file()) continue;
+    const std::string path = relative(entry.path().string());
+    is_foreign_[path] = path.find("/outputs/") != std::string::npos;
   }
 }
 
 PowerCutDisk::~PowerCutDisk() = default;
+
+bool PowerCutDisk::grant_write() {
+  refused_count_ += is_full_ ? 1 : 0;
+  return !is_full_;
+}
 
 std::string PowerCutDisk::sqlite_vfs() const {
   return vfs_->name();

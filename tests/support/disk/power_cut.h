@@ -3,6 +3,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/store/files/filesystem.h"
@@ -18,13 +19,20 @@ class RecordingVfs;
 /// each sync, the earliest moments at which its contents matter. One thread at a time.
 class PowerCutDisk final : public server::Filesystem {
  public:
-  /// Records operations below the existing folder `root`, whose present contents are known.
+  /// Records operations below the existing folder `root`, whose present contents are known. Files
+  /// in a folder `outputs` are written by other code.
   explicit PowerCutDisk(std::string root);
   ~PowerCutDisk() override;
   PowerCutDisk(const PowerCutDisk&) = delete;
   PowerCutDisk& operator=(const PowerCutDisk&) = delete;
 
   const std::vector<DiskEvent>& events() const { return events_; }
+  /// While it is full, writes fail for want of space; those by other code do not.
+  void set_full(bool is_full) { is_full_ = is_full; }
+  /// Number of writes refused since the last call.
+  int refused_count() { return std::exchange(refused_count_, 0); }
+  /// Whether a write may be done now; counts it if not.
+  bool grant_write();
   /// Records an event; `path` and `target` as the program sees them.
   void record(DiskEvent event);
 
@@ -45,6 +53,8 @@ class PowerCutDisk final : public server::Filesystem {
   std::string root_;
   server::Filesystem& disk_;
   std::vector<DiskEvent> events_;
+  bool is_full_ = false;
+  int refused_count_ = 0;
   std::map<std::string, bool> is_foreign_;  // by file: its writes are not reported
   std::unique_ptr<RecordingVfs> vfs_;
 };

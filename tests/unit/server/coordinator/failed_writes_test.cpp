@@ -170,6 +170,44 @@ TEST_F(FailedWriteTest, JobResumesWhenDiskHasRoom) {
   EXPECT_EQ(view(job).state, JobState::paused) << "paused by the user";
 }
 
+TEST_F(FailedWriteTest, JobPausedByUserStaysPausedWhenDiskHasRoom) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  const auto fill_and_free = [&](const std::function<void()>& meanwhile) {
+    fill_disk();
+    pump();
+    meanwhile();
+    free_disk();
+    now += std::chrono::seconds(10);
+    coordinator->tick();
+    pump();
+  };
+  store.set_free_bytes(std::int64_t{1} << 40);
+  deliver_all(worker);
+  fill_and_free([&] {
+    ASSERT_EQ(view(job).state, JobState::paused) << "for want of room";
+    EXPECT_FALSE(change(job, JobAdmin::Change::pause).ok()) << "not recorded, but in effect";
+  });
+  EXPECT_EQ(view(job).state, JobState::paused) << "paused by the user when the disk was full";
+  EXPECT_EQ(view(job).reason, "paused by the user");
+}
+
+TEST_F(FailedWriteTest, FullDiskDoesNotTakeOverPauseOfUser) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  deliver_all(worker);
+  coordinator->jobs().change_job(job, JobAdmin::Change::pause, [](const auto&) {});
+  fill_disk();
+  pump();
+  EXPECT_EQ(view(job).reason, "paused by the user") << "its blocks cannot be committed";
+  free_disk();
+  store.set_free_bytes(std::int64_t{1} << 40);
+  now += std::chrono::seconds(10);
+  coordinator->tick();
+  pump();
+  EXPECT_EQ(view(job).state, JobState::paused);
+}
+
 TEST_F(FailedWriteTest, AssetsAreCollectedOnlyOverTheirQuota) {
   options.asset_quota_bytes = 1000;
   start();

@@ -174,6 +174,7 @@ void SimulatedFarm::read_mail(Computer& computer) {
   scheduler_->grant_credits(computer.key, credits, now_);
   return_revoked(computer, mail.revoked);
   for (const Lease& lease : mail.leases) take_lease(computer, lease);
+  return_revoked(computer, mail.withdrawn);
 }
 
 void SimulatedFarm::take_lease(Computer& computer, const Lease& lease) {

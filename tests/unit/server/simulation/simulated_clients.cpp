@@ -1,0 +1,232 @@
+// Clients of the simulated server.
+#include <algorithm>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "tests/unit/server/simulation/simulated_server.h"
+#include "tests/unit/server/simulation/small_jobs.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::size_t kMaxJobs = 8;
+
+std::string read_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+}  // namespace
+
+/// Called where the server answers; the answer arrives at the end of the step.
+void SimulatedServer::answer(std::function<void()> arrive) {
+  answers_.push_back({operation(), std::move(arrive)});
+}
+
+void SimulatedServer::act_as_client() {
+  if (jobs_.size() < kMaxJobs && dice_.one_in(12)) {
+    const std::string request_id = absl::StrCat("request", jobs_.size());
+    ClientJob& job = jobs_[request_id];
+    job.request_id = request_id;
+    job.kind = dice_.below(kJobKinds);
+    job.sample_counts = {dice_.one_in(2) ? 8 : 16};
+  }
+  for (auto& [request_id, job] : jobs_) {
+    if (job.is_pending || job.is_gone) continue;
+    if (job.id.empty() ? dice_.one_in(3) : dice_.one_in(25)) request(job);
+  }
+}
+
+void SimulatedServer::request(ClientJob& job) {
+  if (job.id.empty()) return create(job);
+  using Change = JobAdmin::Change;
+  switch (dice_.below(7)) {
+    case 0:
+      ++events_.pauses;
+      return change(job, Change::pause);
+    case 1:
+      ++events_.cancels;
+      return change(job, Change::cancel);
+    case 2:
+      ++events_.retries;
+      return change(job, Change::retry);
+    case 3:
+      return extend(job);
+    case 4:
+      return dice_.one_in(2) ? remove(job) : create(job);
+    default:
+      return change(job, Change::resume);
+  }
+}
+
+void SimulatedServer::upload(int kind) {
+  if (coordinator_->assets().has_asset(scene_of(kind))) {
+    uploaded_.insert(kind);
+    return;
+  }
+  const auto path = coordinator_->assets().new_upload_path();
+  if (!path.ok()) return;
+  std::ofstream(*path, std::ios::binary) << scene_bytes(kind);
+  coordinator_->assets().publish_asset(*path, scene_of(kind), [this, kind](const auto& status) {
+    if (status.ok()) answer([this, kind] { uploaded_.insert(kind); });
+  });
+}
+
+/// Creates the job, or repeats the request.
+void SimulatedServer::create(ClientJob& job) {
+  if (uploaded_.count(job.kind) == 0) return upload(job.kind);
+  JobSpec spec = small_job(job.kind, *job.sample_counts.begin());
+  spec.request_id = job.request_id;
+  job.is_pending = true;
+  coordinator_->admission().create_job(
+      std::move(spec), [this, &job](const absl::StatusOr<JobAdmission::Created>& created) {
+        const std::string id = created.ok() ? created->view.spec->id : "";
+        answer([this, &job, id, status = created.status()] {
+          job.is_pending = false;
+          if (status.ok() && !job.id.empty() && id != job.id) violate("a job was created twice");
+          if (status.ok()) job.id = id;
+          trace(absl::StrCat("create ", job.request_id, ": ", id, " ", status.ToString()));
+        });
+      });
+}
+
+void SimulatedServer::change(ClientJob& job, JobAdmin::Change what) {
+  job.must_be.reset();
+  job.is_pending = true;
+  trace(absl::StrCat("change ", static_cast<int>(what), " of ", job.id));
+  coordinator_->jobs().change_job(job.id, what, [this, &job, what](const auto& view) {
+    answer([this, &job, what, is_ok = view.ok()] {
+      job.is_pending = false;
+      trace(absl::StrCat("change ", static_cast<int>(what), " of ", job.id, ": ",
+                         is_ok ? "done" : "refused"));
+      if (!is_ok) return;
+      if (what == JobAdmin::Change::pause) job.must_be = JobState::paused;
+      if (what == JobAdmin::Change::cancel) job.must_be = JobState::cancelled;
+    });
+  });
+}
+
+void SimulatedServer::extend(ClientJob& job) {
+  const int before = *job.sample_counts.rbegin();
+  const int after = std::min(before * 4, 128);
+  job.is_pending = job.is_extended = true;
+  trace(absl::StrCat("extend ", job.id));
+  job.sample_counts.insert(after);
+  JobAdmin::Extension extension;
+  extension.spp = after;
+  coordinator_->jobs().extend_job(job.id, extension, [this, &job, after](const auto& view) {
+    answer([this, &job, after, is_ok = view.ok()] {
+      job.is_pending = false;
+      if (!is_ok) return;  // whether an earlier attempt was carried out is not known
+      ++events_.extensions;
+      job.sample_counts = {after};
+    });
+  });
+}
+
+void SimulatedServer::remove(ClientJob& job) {
+  job.is_pending = true;
+  trace(absl::StrCat("remove ", job.id));
+  const bool may_have_been_gone = job.may_be_gone;
+  job.may_be_gone = true;
+  coordinator_->jobs().remove_job(job.id, [this, &job, may_have_been_gone](const auto& status) {
+    answer([this, &job, may_have_been_gone, code = status.code()] {
+      job.is_pending = false;
+      const bool is_gone = code == absl::StatusCode::kOk || code == absl::StatusCode::kNotFound;
+      if (code == absl::StatusCode::kNotFound && !may_have_been_gone) violate("a job is lost");
+      if (is_gone) ++events_.removals;
+      if (is_gone) job.is_gone = true;
+      job.may_be_gone = job.is_gone || may_have_been_gone;
+    });
+  });
+}
+
+/// Requests what each job still needs to be done.
+void SimulatedServer::finish_requests() {
+  for (auto& [request_id, job] : jobs_) {
+    if (job.is_pending || job.is_gone) continue;
+    if (job.id.empty()) {
+      create(job);
+      continue;
+    }
+    const auto view = coordinator_->queries().job(job.id);
+    if (!view.ok()) {
+      job.is_gone = job.may_be_gone;
+      continue;
+    }
+    if (view->state == JobState::paused) change(job, JobAdmin::Change::resume);
+    if (view->state == JobState::cancelled) change(job, JobAdmin::Change::retry);
+  }
+}
+
+bool SimulatedServer::is_over() const {
+  return std::all_of(jobs_.begin(), jobs_.end(), [this](const auto& entry) {
+    const ClientJob& job = entry.second;
+    if (job.is_gone) return true;
+    if (job.id.empty() || job.is_pending) return false;
+    const auto view = coordinator_->queries().job(job.id);
+    return view.ok() && view->state == JobState::done;
+  });
+}
+
+/// Compares a job with what its client was told.
+void SimulatedServer::check_job(ClientJob& job) {
+  if (job.id.empty()) return;
+  const auto view = coordinator_->queries().job(job.id);
+  if (job.is_gone && view.ok()) violate(absl::StrCat("removed job ", job.id, " is back"));
+  if (!view.ok() && !job.may_be_gone) violate(absl::StrCat("job ", job.id, " is lost"));
+  if (!view.ok()) return;
+  const std::string is = absl::StrCat("job ", job.id, " is ", state_name(view->state));
+  if (job.sample_counts.count(view->spec->settings.spp) == 0) {
+    violate(absl::StrCat("job ", job.id, " has ", view->spec->settings.spp, " samples per pixel"));
+  }
+  if (view->state == JobState::failed) violate(absl::StrCat(is, ": ", view->reason));
+  if (job.is_done && view->state != JobState::done) violate(is + " and was done");
+  // Units that were leased before the pause may complete the job.
+  const bool is_completed =
+      job.must_be == JobState::paused && view->state == JobState::done && !job.is_done;
+  if (job.must_be && view->state != *job.must_be && !is_completed) {
+    violate(absl::StrCat(is, " and was ", state_name(*job.must_be)));
+  }
+  if (is_completed) job.must_be.reset();
+  job.is_done = view->state == JobState::done;
+}
+
+std::vector<std::string> SimulatedServer::pixels_of(const std::string& job_id) {
+  std::vector<std::string> pixels;
+  const auto frames = store_->frames(job_id);
+  const auto folder = store_->output_folder(job_id);
+  if (!frames.ok() || !folder.ok()) return {};
+  for (const FrameRecord& frame : *frames) {
+    const auto image = store_->row_image(job_id, frame.frame);
+    if (!image.ok()) return {};
+    const std::string bytes =
+        image->has_value() ? **image : read_file(absl::StrCat(*folder, "/", frame.file));
+    const bool is_intact = contract::sha256(bytes) == frame.file_sha256;
+    pixels.push_back(is_intact ? frame.pixels_sha256.hex() : "damaged");
+  }
+  return pixels;
+}
+
+/// Returns what is wrong with a job that is done.
+std::string SimulatedServer::check_done(ClientJob& job) {
+  const auto view = coordinator_->queries().job(job.id);
+  const std::string name = absl::StrCat("job ", job.id, " of kind ", job.kind);
+  if (view->committed_unit_count != view->unit_count) return name + " lacks units";
+  const double seconds = kUnitSeconds * static_cast<double>(view->unit_count);
+  if (!job.is_extended && view->cpu_seconds != seconds) {
+    return absl::StrCat(name, " has ", view->cpu_seconds, " CPU seconds instead of ", seconds);
+  }
+  const int sample_count = view->spec->settings.spp;
+  const std::vector<std::string> is = pixels_of(job.id);
+  const std::vector<std::string> expected = undisturbed_pixels(job.kind, sample_count);
+  if (is.size() != expected.size()) return absl::StrCat(name, " has ", is.size(), " frames");
+  for (std::size_t i = 0; i < is.size(); ++i) {
+    if (is[i] == expected[i]) continue;
+    return absl::StrCat("frame ", i + 1, " of ", name, " with ", sample_count,
+                        " samples per pixel has other pixels");
+  }
+  return "";
+}
+
+}  // namespace tessera::server
