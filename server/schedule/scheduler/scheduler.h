@@ -288,6 +288,7 @@ class Scheduler {
   static bool is_full(const Job& job);
   void refresh(Job& job);
   void count_demand(const Job& job, int sign);
+  void end_if_finished(Job& job, Time now);
   void set_state(Job& job, JobState state, const std::string& reason, Time now);
 
   void hold(Job& job, Worker& worker, const contract::Unit& unit, const Holder& holder);

@@ -220,6 +220,7 @@ absl::Status Scheduler::retry(Job& job, Time now) {
   job.failure_code = absl::StatusCode::kOk;
   job.end_time_us = 0;
   set_state(job, job.plan ? JobState::running : JobState::queued, "", now);
+  end_if_finished(job, now);  // its last frame was finished after it had been cancelled
   dispatch_all(now);
   return absl::OkStatus();
 }
@@ -368,11 +369,14 @@ void Scheduler::finish_frame(Job& job, std::int32_t frame, Time now) {
   plan.finish(frame);
   refresh(job);
   check_dependents(job, frame);
-  if (plan.finished_frame_count() == plan.frame_count() && !has_ended(job.state)) {
-    end_job(job, JobState::done, "", now);
-  } else {
-    dispatch_all(now);  // frames of other jobs may have waited for this one
-  }
+  end_if_finished(job, now);
+  dispatch_all(now);  // frames of other jobs may have waited for this one
+}
+
+void Scheduler::end_if_finished(Job& job, Time now) {
+  if (has_ended(job.state) || !job.plan) return;
+  if (job.plan->finished_frame_count() < job.plan->frame_count()) return;
+  end_job(job, JobState::done, "", now);
 }
 
 Effects Scheduler::take_effects() {

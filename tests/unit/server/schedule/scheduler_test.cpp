@@ -391,6 +391,18 @@ TEST(Scheduler, RetryKeepsUnitsAndResetsFailures) {
   EXPECT_EQ(job.state, JobState::running);
 }
 
+TEST(Scheduler, RetryOfJobWithAllFramesEndsIt) {
+  SchedulerHarness farm;
+  Job& job = farm.add_job({.tiles = 1});
+  const WorkerKey worker = farm.connect("w1");
+  for (const UnitName& unit : farm.leased(worker)) farm.commit(worker, unit);
+  ASSERT_TRUE(farm.scheduler.cancel(job, farm.now).ok());
+  farm.scheduler.finish_frame(job, 0, farm.now);  // its image was being written
+  EXPECT_EQ(job.state, JobState::cancelled);
+  ASSERT_TRUE(farm.scheduler.retry(job, farm.now).ok());
+  EXPECT_EQ(job.state, JobState::done);
+}
+
 TEST(Scheduler, JobIsDoneWithLastFrame) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 1, .frames = 2});

@@ -92,7 +92,7 @@ void SimulatedServer::create(ClientJob& job) {
 
 void SimulatedServer::change(ClientJob& job, JobAdmin::Change what) {
   job.must_be.reset();
-  job.is_pending = true;
+  job.is_pending = job.is_uncertain = true;
   trace(absl::StrCat("change ", static_cast<int>(what), " of ", job.id));
   coordinator_->jobs().change_job(job.id, what, [this, &job, what](const auto& view) {
     answer([this, &job, what, is_ok = view.ok()] {
@@ -100,6 +100,7 @@ void SimulatedServer::change(ClientJob& job, JobAdmin::Change what) {
       trace(absl::StrCat("change ", static_cast<int>(what), " of ", job.id, ": ",
                          is_ok ? "done" : "refused"));
       if (!is_ok) return;
+      job.is_uncertain = false;
       if (what == JobAdmin::Change::pause) job.must_be = JobState::paused;
       if (what == JobAdmin::Change::cancel) job.must_be = JobState::cancelled;
     });

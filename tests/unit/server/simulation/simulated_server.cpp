@@ -88,6 +88,7 @@ absl::Status SimulatedServer::start() {
   options.wall_us = store_options.now_us;
   options.random = [this] { return dice_.next(); };
   options.read_spec = [](const JobRecord& record) { return small_job(record); };
+  options.log = [this](LogLevel, const std::string& message) { trace(message); };
   options.write_request = [](const JobSpec& spec) { return request_of(spec); };
   auto coordinator = Coordinator::open(*store_, std::move(options));
   if (!coordinator.ok()) return coordinator.status();
@@ -118,6 +119,7 @@ void SimulatedServer::crash(int first_operation) {
   stop();
   for (auto& [request_id, job] : jobs_) {
     if (job.is_pending) job.must_be.reset();
+    if (job.is_uncertain) job.is_done = false;
     job.is_pending = false;
   }
   for (Computer& computer : computers_) computer.is_connected = false;

@@ -57,6 +57,7 @@ class SimulatedServer {
     std::string request_id;
     std::string id;                   // empty: not told yet
     bool is_pending = false;          // a request is under way
+    bool is_uncertain = false;        // whether the last change is recorded is not known
     std::set<int> sample_counts;      // that it may have
     std::optional<JobState> must_be;  // until the next request
     bool may_be_gone = false, is_gone = false, is_done = false;
