@@ -105,7 +105,7 @@ void add_options(CLI::App& app, Config& config) {
       ->check(size)
       ->capture_default_str();
   app.add_option("--job-retention-days", config.job_retention_days,
-                 "Days after its end at which a job is removed, with its images; 0: never")
+                 "Days after which an ended job is removed with its images; 0: never")
       ->check(cli::finite_range(0.0, 36'500.0))
       ->capture_default_str();
   app.add_option("--audit-fraction", config.audit_fraction,

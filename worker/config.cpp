@@ -123,7 +123,7 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
   app.add_option("--tags", options.tags, "Tags that jobs can select with `submit --require-tag`")
       ->delimiter(',');
   app.add_option("--pool", options.pool,
-                 "Pool to which the worker belongs unless an operator moves it (default: default)")
+                 "Pool of the worker unless an operator moves it (default: the pool named default)")
       ->type_name("POOL");
   app.add_option("--unit-timeout", flags.unit_timeout_s,
                  "Maximum seconds per unit; a renderer that takes longer is killed")
@@ -174,7 +174,7 @@ void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
                    "List of intersecting triangles, and which meshes are closed");
   inspect.add_flag("--validate", config.validate, "Breaches of the glTF 2.0 specification");
   inspect.add_flag("--vertex-distances", config.vertex_distances,
-                   "Distances between vertices, and list of those that nearly coincide");
+                   "Distances between vertices, and a list of those that nearly coincide");
   inspect.add_option("--settings", config.settings_hex)->group("");  // passed by the client
   inspect.footer("Example: tessera-worker inspect scene.glb --json");
 }

@@ -240,15 +240,14 @@ void add_bench_command(CLI::App& app, Invocation& invocation) {
   CLI::App* command = cli::add_command(app, "bench", "Measure CPU time and error on this machine");
   command->add_option("scene", options->scenes, "Scene files, .gltf or .glb")->required();
   command
-      ->add_option(
-          "--reference", options->references,
-          "Directory with NAME.exr and NAME.json, image and report of a long render of each "
-          "scene, whose settings are used")
+      ->add_option("--reference", options->references,
+                   "Directory with NAME.exr and NAME.json for each scene: image and report of a "
+                   "long render, whose settings are used")
       ->required()
       ->type_name("DIR");
   command
       ->add_option("--seeds", options->seeds,
-                   "Number of seeds per scene: 1, 2, 3, … without the reference's")
+                   "Number of seeds per scene: 1, 2, 3, … except the reference's")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   command->add_option("--spp", options->spp, "Sample counts per pixel (default: 8,64,512)")

@@ -136,10 +136,9 @@ void add_compare_command(CLI::App& app, Invocation& invocation) {
       ->take_all();
   command->add_flag("--json", options->json, "JSON output (tessera.compare/1)");
   command->footer(
-      "flip is the mean of LDR-FLIP at 67 pixels per degree, for display only. Images with values "
-      "that are not finite are rejected.\nExample:\n  tessera compare out.exr reference.exr "
-      "--fail-above "
-      "error=0.01");
+      "flip is the mean LDR-FLIP at 67 pixels per degree, an estimate of the difference that a "
+      "viewer sees on a display. Images with values that are not finite are rejected.\nExample:\n  "
+      "tessera compare out.exr reference.exr --fail-above error=0.01");
   command->callback(
       [options, &invocation] { invocation.run = [options] { return run(*options); }; });
 }

@@ -271,14 +271,17 @@ void add_inspect_command(CLI::App& app, Invocation& invocation) {
                    "Comparison of the production structure with NAME only")
       ->check(CLI::IsMember(contract::kStructureNames))
       ->type_name("NAME");
-  command->add_option("--plot", options->plot, "SVG file of that comparison")->type_name("FILE");
+  command
+      ->add_option("--plot", options->plot, "SVG file of the comparison of acceleration structures")
+      ->type_name("FILE");
   command->add_flag(
       "--self-intersections", options->self_intersections,
       "List of intersecting triangles (primitive.triangle), and which meshes are closed");
   command->add_flag("--validate", options->validate,
                     "Breaches of the glTF 2.0 specification, with codes and JSON pointers");
-  command->add_flag("--vertex-distances", options->vertex_distances,
-                    "Distances between vertices, and list of those that nearly coincide (cracks)");
+  command->add_flag(
+      "--vertex-distances", options->vertex_distances,
+      "Distances between vertices, and a list of those that nearly coincide (cracks)");
   command->add_flag("--json", options->json, "JSON output (tessera.inspect/1)");
   command->footer(
       "Exit code 2: the scene cannot be rendered or, with --validate, has errors.\nExamples:\n  "

@@ -25,7 +25,7 @@ struct Control {
 };
 
 constexpr Control kControls[] = {
-    {"pause", "Stop leasing a job's units; units already leased still commit",
+    {"pause", "Stop leasing a job's units; units already leased are still committed",
      "Examples:\n  tessera pause last\n  tessera resume last", &FarmClient::pause_job},
     {"resume", "Resume a paused job", "Example:\n  tessera resume last", &FarmClient::resume_job},
     {"cancel", "Cancel a job; committed units are kept",

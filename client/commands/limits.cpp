@@ -75,13 +75,13 @@ CLI::App* add_order(CLI::App& command, Invocation& invocation, const char* name,
 
 void add_limits_command(CLI::App& app, Invocation& invocation) {
   auto json = std::make_shared<bool>(false);
-  CLI::App* command =
-      cli::add_command(app, "limits", "List limits, such as licences, and how many units are used");
+  CLI::App* command = cli::add_command(
+      app, "limits", "List limits, such as licences, and how many units of each are in use");
   add_connection_options(*command, invocation.connection);
   command->add_flag("--json", *json, "JSON output (tessera.limits/1)");
   auto to_set = std::make_shared<LimitOptions>();
-  CLI::App* set =
-      add_order(*command, invocation, "set", "Set how many units of a limit exist", *to_set);
+  CLI::App* set = add_order(*command, invocation, "set",
+                            "Create a limit, or change its number of units", *to_set);
   set->add_option("units", to_set->units, "Maximum number of units in use at once")
       ->required()
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}));
@@ -90,8 +90,9 @@ void add_limits_command(CLI::App& app, Invocation& invocation) {
     invocation.run = [to_set, &invocation] { return run_set(*to_set, invocation.connection); };
   });
   auto to_remove = std::make_shared<LimitOptions>();
-  CLI::App* remove = add_order(*command, invocation, "remove",
-                               "Remove a limit; jobs that name it wait for nothing", *to_remove);
+  CLI::App* remove =
+      add_order(*command, invocation, "remove",
+                "Remove a limit; jobs that name it no longer wait for it", *to_remove);
   remove->footer("Example:\n  tessera limits remove licence");
   remove->callback([to_remove, &invocation] {
     invocation.run = [to_remove, &invocation] {
@@ -100,8 +101,8 @@ void add_limits_command(CLI::App& app, Invocation& invocation) {
   });
   command->require_subcommand(0, 1);
   command->footer(
-      "Jobs count against limits with `submit --limit NAME`. On farms with certificates, set and "
-      "remove require an admin certificate.\n"
+      "`submit --limit NAME` makes the units of a job count against a limit. On farms with "
+      "certificates, set and remove require an admin certificate.\n"
       "Examples:\n  tessera limits\n  tessera limits set licence 8");
   command->callback([command, json, &invocation] {
     if (!command->get_subcommands().empty()) return;  // the subcommand has its own callback

@@ -206,7 +206,7 @@ void add_report_command(CLI::App& app, Invocation& invocation) {
           "(REF.0007.exr)")
       ->type_name("REF.exr");
   command->footer(
-      "With --svg, --tiles or --trace, prints only with --json or --csv.\n"
+      "With --svg, --tiles or --trace, nothing is printed unless --json or --csv is given.\n"
       "Examples:\n  tessera report last\n  tessera report last --json > report.json\n"
       "  tessera report last --svg curve.svg");
   command->callback([options, &invocation] {

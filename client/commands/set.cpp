@@ -73,14 +73,16 @@ void add_options(CLI::App& command, SetOptions& options) {
   command
       .add_option("--require-tag", options.required_tag, "Tag that workers must have; \"\": none")
       ->type_name("TAG");
-  command.add_option("--pool", options.pool, "Pool whose workers render it")->type_name("POOL");
-  CLI::Option* limits =
-      command.add_option("--limit", options.limits,
-                         "Limit that each leased unit counts against, UNITS times, in place of "
-                         "those so far; repeatable");
+  command.add_option("--pool", options.pool, "Worker pool that renders the job")->type_name("POOL");
+  CLI::Option* limits = command.add_option(
+      "--limit", options.limits,
+      "Limit that each leased unit counts against, and by how much (default 1), in place of the "
+      "present limits; repeatable");
   limits->type_name("NAME[=UNITS]")->allow_extra_args(false);
-  command.add_flag("--no-limits", options.no_limits, "Count against no limit")->excludes(limits);
-  command.add_flag("--no-after", options.no_after, "Wait for no other job");
+  command.add_flag("--no-limits", options.no_limits, "No limits, in place of the present ones")
+      ->excludes(limits);
+  command.add_flag("--no-after", options.no_after,
+                   "No dependencies on other jobs, in place of the present ones");
   command.add_flag("--json", options.json, "JSON output (tessera.job/1)");
 }
 
@@ -88,8 +90,8 @@ void add_options(CLI::App& command, SetOptions& options) {
 
 void add_set_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<SetOptions>();
-  CLI::App* command =
-      cli::add_command(app, "set", "Change the order, requirements or limits of a job");
+  CLI::App* command = cli::add_command(
+      app, "set", "Change the priority, requirements, limits or dependencies of a job");
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options->job);
   add_options(*command, *options);

@@ -58,11 +58,12 @@ void add_dependency_options(CLI::App& command, SubmitOptions& options) {
   const auto add = [&command](const char* name, std::vector<std::string>& jobs, const char* text) {
     command.add_option(name, jobs, text)->type_name("JOB")->allow_extra_args(false);
   };
-  add("--after", options.after, "Render only once this job is done; repeatable");
+  add("--after", options.after, "Job that must be done before this one starts; repeatable");
   add("--after-any", options.after_any,
-      "Render only once this job has ended: done, failed, cancelled or removed; repeatable");
+      "Job that must have ended before this one starts: done, failed, cancelled or removed; "
+      "repeatable");
   add("--after-frames", options.after_frames,
-      "Render each frame once the same frame of this job is finished; repeatable");
+      "Job that must have finished a frame before this one starts the same frame; repeatable");
 }
 
 int run(const SubmitOptions& options, const Connection& connection) {
@@ -117,11 +118,14 @@ void add_submit_command(CLI::App& app, Invocation& invocation) {
       ->type_name("N");
   command->add_option("--require-tag", options->required_tag, "Tag that workers must have")
       ->type_name("TAG");
-  command->add_option("--pool", options->pool, "Pool whose workers render it (default: default)")
+  command
+      ->add_option("--pool", options->pool,
+                   "Worker pool that renders the job (default: the pool named default)")
       ->type_name("POOL");
   command
-      ->add_option("--limit", options->limits,
-                   "Limit that each leased unit counts against, UNITS times; repeatable")
+      ->add_option(
+          "--limit", options->limits,
+          "Limit that each leased unit counts against, and by how much (default 1); repeatable")
       ->type_name("NAME[=UNITS]")
       ->allow_extra_args(false);
   add_dependency_options(*command, *options);

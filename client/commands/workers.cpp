@@ -92,7 +92,7 @@ struct Order {
 constexpr Order kOrders[] = {
     {"drain", "Drain a worker: finish started units, return the rest, exit", "is draining",
      &FarmClient::drain_worker},
-    {"ban", "Ban a worker: lease it nothing and reject its results, across server restarts",
+    {"ban", "Ban a worker: lease it nothing and reject its results; lasts across server restarts",
      "is banned", &FarmClient::ban_worker},
     {"allow", "Lift a worker's ban or quarantine", "is allowed", &FarmClient::allow_worker},
 };
@@ -144,10 +144,13 @@ int run_move(const MoveOptions& options, const Connection& connection) {
 void add_move(CLI::App& command, Invocation& invocation) {
   auto options = std::make_shared<MoveOptions>();
   CLI::App* sub = cli::add_command(
-      command, "pool", "Move a worker to a pool, across restarts of the server and the worker");
+      command, "pool",
+      "Move a worker to a pool; lasts across restarts of the server and the worker");
   add_connection_options(*sub, invocation.connection);
   sub->add_option("worker", options->worker, "Worker ID, unique prefix, or name")->required();
-  sub->add_option("pool", options->pool, "Pool; \"\": the one of its own --pool")->required();
+  sub->add_option("pool", options->pool,
+                  "Name of the pool; \"\": the pool that the worker's own --pool names")
+      ->required();
   sub->footer(
       "The worker returns units that it has not started.\n"
       "Example:\n  tessera workers pool w-0f3a night");

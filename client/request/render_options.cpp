@@ -207,10 +207,9 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
       ->type_name("LIST")
       ->group(group);
   command
-      .add_flag(
-          "--denoise", options.denoise,
-          "Denoise the frames, with an error bound, to which --error then refers; the EXR keeps "
-          "the raw image")
+      .add_flag("--denoise", options.denoise,
+                "Denoised frames with an error bound, to which --error then refers; the EXR file "
+                "keeps the raw image")
       ->group(group);
   command.add_flag("--half", options.half, "Half-precision floats in EXR files")->group(group);
   add_accelerator_option(command, options.accelerator)->group("Comparison");
