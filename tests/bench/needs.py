@@ -76,9 +76,8 @@ FEATURES = {  # feature: (file, what is there, what is put in its place)
         ("worker/shading/surface/surface.cpp", "if (p.shape != nullptr) [[unlikely]]", "if (false)"),
     ],
     "planes": [
-        (TRAVERSAL, "    for (const PlacedMesh& placed : scene.unbounded) {\n"
-         "      if (intersect_solid(scene, placed, ray, query)) return true;\n    }\n"
-         "    if (scene.placed.empty()) return false;\n", ""),
+        (TRAVERSAL, "    if (!scene.unbounded.empty() && intersect_unbounded(scene, ray, query)) [[unlikely]]\n"
+         "      return true;\n    if (scene.placed.empty()) return false;\n", ""),
     ],
     "emissive-media": [
         (MEDIA, "  if (tracer().frame_.shading.has_emissive_media && medium.emits()) [[unlikely]]\n"

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "tests/numeric/shapes/solid_scenes.h"
@@ -246,6 +247,44 @@ TEST(Blobs, DenseLineVisitsFewOfManyBlobs) {
     }
     EXPECT_GT(hits.size(), 100u);
     EXPECT_LE(visits, 100 * 60 * root) << count;
+  }
+}
+
+/// Blobs visited per camera ray, and per shadow ray from where a camera ray hit.
+std::array<double, 2> visits_of_paths(const std::vector<Blob>& blobs, double threshold) {
+  const BlobField field(blobs, threshold);
+  Dice dice(40);
+  BlobLine line;
+  std::vector<ShapeHit> hits;
+  std::size_t camera = 0, shadow = 0, hit = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Vec3d origin = Vec3d(dice.direction()) * 4.0;
+    hits.clear();
+    line.intersect(field, origin, Vec3d(dice.vector()) * 0.5 - origin, {0, 1e9, true}, hits);
+    camera += line.visit_count();
+    if (hits.empty()) continue;
+    const Vec3d out = field.outward_gradient(hits.back().point);
+    const Vec3d start = hits.back().point + out * (1e-6 / length(out));
+    const Vec3d lamp = Vec3d(dice.direction()) * 0.9 + out * (1 / length(out));
+    line.intersect(field, start, lamp, {0, 1e9, true}, hits);
+    shadow += line.visit_count();
+    ++hit;
+  }
+  EXPECT_GT(hit, 300u);
+  return {static_cast<double>(camera) / 400,
+          static_cast<double>(shadow) / static_cast<double>(hit)};
+}
+
+/// A cell lists the blobs whose surface passes through it. Four times as many blobs allow cells of
+/// half the size, so the list, which a ray visits about once, grows twofold.
+TEST(Blobs, VisitsOfPathsGrowWithRootOfDenseBlobs) {
+  Dice dice(41);
+  for (const std::size_t count : {400u, 1'600u, 6'400u}) {
+    const double root = std::sqrt(static_cast<double>(count));
+    const auto [camera, shadow] =
+        visits_of_paths(dense_blobs(dice, count), static_cast<double>(count) / 16);
+    EXPECT_LE(camera, 15 * root) << count;
+    EXPECT_LE(shadow, 15 * root) << count;
   }
 }
 

@@ -109,14 +109,24 @@ __attribute__((noinline)) bool intersect_instances(const SceneBvh<Query::Isa::kW
   return intersect_instances_below(scene, world_ray, ray, kRootNode, query);
 }
 
+/// Offers the hits on the solids that every ray is tested against. Not inlined, so that scenes
+/// without them pay for one comparison only.
+template <typename Query>
+__attribute__((noinline)) bool intersect_unbounded(const SceneBvh<Query::Isa::kWidth>& scene,
+                                                   const Ray& ray, Query& query) {
+  for (const PlacedMesh& placed : scene.unbounded) {
+    if (intersect_solid(scene, placed, ray, query)) return true;
+  }
+  return false;
+}
+
 /// Offers the hits on a scene.
 template <typename Query>
 inline bool intersect_scene(const SceneBvh<Query::Isa::kWidth>& scene, const Ray& ray,
                             Query& query) {
   if constexpr (Query::kSolids) {
-    for (const PlacedMesh& placed : scene.unbounded) {
-      if (intersect_solid(scene, placed, ray, query)) return true;
-    }
+    if (!scene.unbounded.empty() && intersect_unbounded(scene, ray, query)) [[unlikely]]
+      return true;
     if (scene.placed.empty()) return false;
   }
   if (scene.single) return intersect_placed(scene, scene.placed.data()[0], ray, query);

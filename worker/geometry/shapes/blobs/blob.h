@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "worker/geometry/bounds.h"
 #include "worker/math/vector.h"
@@ -36,21 +37,14 @@ struct Blob {
   }
 };
 
-/// A blob with the inverse of its radii.
-struct UnitBlob {
-  Vec3d centre, scale;  // scale: 1 / radii
-  double strength;
+/// Two bytes, since cells hold many.
+using BlobIndex = std::uint16_t;
 
-  double field(const Vec3d& point) const {
-    const Vec3d p = (point - centre) * scale;
-    const double left = std::max(1 - dot(p, p), 0.0);
-    return strength * (left * left);
-  }
-  /// The negated gradient of the field.
-  Vec3d outward_gradient(const Vec3d& point) const {
-    const Vec3d p = (point - centre) * scale;
-    return p * scale * (4 * strength * std::max(1 - dot(p, p), 0.0));
-  }
+/// A blob with the inverse of its radii. All zeros is a blob without a field.
+struct alignas(64) UnitBlob {  // a cache line
+  Vec3d centre, scale;         // scale: 1 / radii
+  double strength = 0;
+  double unused = 0;
 };
 
 }  // namespace tessera::render

@@ -1,5 +1,6 @@
 #include "worker/geometry/shapes/blobs/blob_cells.h"
 
+#include <bit>
 #include <cmath>
 #include <tuple>
 #include <utility>
@@ -13,13 +14,18 @@ constexpr std::size_t kEnough = 32;
 constexpr std::size_t kBytesPerBlob = 4096;
 
 struct SquaredRadii {
-  double least, greatest;
+  BlobLanes least, greatest;
 };
 
-/// r^2 over a box, where r is 1 at the blob's surface.
-SquaredRadii radii_over(const UnitBlob& blob, const Vec3d& centre, const Vec3d& half) {
-  const Vec3d apart = absolute(centre - blob.centre);
-  const Vec3d near = max(apart - half, Vec3d{}) * blob.scale, far = (apart + half) * blob.scale;
+/// r^2 over a box, where r is 1 at the surface of each blob.
+SquaredRadii radii_over(const FourBlobs& blobs, const BlobVectors& centre,
+                        const BlobVectors& half) {
+  const BlobVectors d = centre - blobs.centre;
+  const BlobVectors apart = {larger(d.x, -d.x), larger(d.y, -d.y), larger(d.z, -d.z)};
+  const BlobVectors gap = apart - half, far = (apart + half) * blobs.scale;
+  const BlobLanes none = spread(0);
+  const BlobVectors near =
+      BlobVectors{larger(gap.x, none), larger(gap.y, none), larger(gap.z, none)} * blobs.scale;
   return {dot(near, near), dot(far, far)};
 }
 
@@ -34,12 +40,12 @@ struct BlobCells::Builder {
     BlobCell cell;
 
     std::size_t bytes() const {
-      return sizeof(Part) + cell.partial.size() * sizeof(cell.partial[0]);
+      return sizeof(Part) + cell.partial_count * sizeof(cell.partial[0]);
     }
     /// Orders parts by the number of partial blobs; a total order.
     bool operator<(const Part& other) const {
-      return std::tuple(cell.partial.size(), other.node) <
-             std::tuple(other.cell.partial.size(), node);
+      return std::tuple(cell.partial_count, other.node) <
+             std::tuple(other.cell.partial_count, node);
     }
   };
 
@@ -50,27 +56,44 @@ struct BlobCells::Builder {
   std::size_t bytes = 0;    // of the parts
 
   void build();
+  void sort_blobs(BlobCell& cell) const;
   void settle(Part part);
   bool split(Part& part);
 };
 
-/// Sorts the blobs around a part into those that contain it, those that miss it and the others, and
-/// keeps the part if the surface may pass through it.
+/// Sorts a cell's partial blobs into those that contain it, those that miss it and the others.
+void BlobCells::Builder::sort_blobs(BlobCell& cell) const {
+  const BlobVectors centre = spread(cell.centre), half = spread(cell.half);
+  const BlobLanes one = spread(1), none = spread(0);
+  BlobLanes low = none, high = none;
+  BlobIndex* to = cell.partial.data();
+  for (std::size_t i = 0; i < cell.partial_count; i += 4) {
+    const BlobIndex* from = &cell.partial[i];
+    const FourBlobs four = tree.four(from);
+    const auto [least, greatest] = radii_over(four, centre, half);
+    const BlobLanes around = at_least(one, greatest);
+    const BlobLanes others = without(around, above(one, least));
+    const BlobLanes most = only(others, four.strength * ((one - least) * (one - least)));
+    low += smaller(most, none);
+    high += larger(most, none);
+    for (std::uint32_t left = bits(around); left != 0; left &= left - 1) {
+      const BlobIndex whole = from[std::countr_zero(left)];
+      if (whole == tree.no_blob()) continue;
+      cell.whole.add(tree.units_[whole], cell.centre, cell.half);
+      cell.has_whole = true;
+    }
+    to = copy_chosen(from, bits(others), to);
+  }
+  cell.partial_range = {total(low), total(high)};
+  cell.set_partial_count(static_cast<std::size_t>(to - cell.partial.data()), tree.no_blob());
+}
+
+/// Sorts the blobs around a part, and keeps the part if the surface may pass through it.
 void BlobCells::Builder::settle(Part part) {
   BlobCell& cell = part.cell;
   cell.centre = (part.box.lo + part.box.hi) * 0.5;
   cell.half = (part.box.hi - part.box.lo) * 0.5;
-  cell.partial_range = {};
-  std::erase_if(cell.partial, [&](BlobIndex i) {
-    const auto [least, greatest] = radii_over(tree.units_[i], cell.centre, cell.half);
-    if (least >= 1) return true;
-    if (greatest <= 1) {
-      cell.whole.add(tree.units_[i], cell.centre, cell.half);
-      return cell.has_whole = true;
-    }
-    cell.partial_range.add(blobs[i].strength * ((1 - least) * (1 - least)));
-    return false;
-  });
+  sort_blobs(cell);
   const FieldRange range = cell.whole.range();
   if (range.high + cell.partial_range.high < threshold) {
     tree.nodes_[part.node].next = kOutside;
@@ -110,6 +133,8 @@ void BlobCells::Builder::build() {
     const Blob& blob = blobs[i];
     tree.units_.push_back({blob.centre, Vec3d{1, 1, 1} / blob.radii, blob.strength});
   }
+  tree.units_.emplace_back();
+  root.cell.set_partial_count(blobs.size(), tree.no_blob());
   tree.box_ = root.box;
   tree.nodes_.resize(1);
   settle(std::move(root));
@@ -118,7 +143,7 @@ void BlobCells::Builder::build() {
     std::pop_heap(parts.begin(), parts.end());
     Part part = std::move(parts.back());
     parts.pop_back();
-    const bool may_split = part.cell.partial.size() > kEnough && part.depth < kMaxDepth &&
+    const bool may_split = part.cell.partial_count > kEnough && part.depth < kMaxDepth &&
                            bytes < kBytesPerBlob * blobs.size();
     if (may_split) bytes -= part.bytes();
     if (!may_split || !split(part)) leaves.push_back(std::move(part));
@@ -146,8 +171,9 @@ Box3d BlobCells::surface_box(std::span<const Blob> blobs, double threshold) cons
       continue;
     }
     double strengths = 0;
-    for (const BlobIndex i : cell.partial) strengths += std::max(blobs[i].strength, 0.0);
-    for (const BlobIndex i : cell.partial) {
+    const std::span<const BlobIndex> partial(cell.partial.data(), cell.partial_count);
+    for (const BlobIndex i : partial) strengths += std::max(blobs[i].strength, 0.0);
+    for (const BlobIndex i : partial) {
       if (!(blobs[i].strength > 0)) continue;
       const Box3d reach = blobs[i].box_above(threshold / strengths);
       const Box3d both = {max(box.lo, reach.lo), min(box.hi, reach.hi)};

@@ -10,13 +10,11 @@
 #include "worker/geometry/bounds.h"
 #include "worker/geometry/clip_line.h"
 #include "worker/geometry/shapes/blobs/blob.h"
+#include "worker/geometry/shapes/blobs/blob_lanes.h"
 #include "worker/geometry/shapes/blobs/blob_polynomial.h"
 #include "worker/math/vector.h"
 
 namespace tessera::render {
-
-/// Two bytes, since cells hold many.
-using BlobIndex = std::uint16_t;
 
 /// A box in which the field may cross the threshold. The blobs that contain the box are added up;
 /// only those whose surface may pass through it are listed.
@@ -24,10 +22,18 @@ struct BlobCell {
   Vec3d centre, half;    // of the box
   BlobPolynomial whole;  // the sum of the blobs that contain the box
   bool has_whole = false;
-  std::vector<BlobIndex> partial;  // indices of the other blobs that meet it
-  FieldRange partial_range;        // contains the sum of their fields
+  /// Indices of the other blobs that meet the box, and after these as many of blobs without a
+  /// field that the next multiple of four is reached.
+  std::vector<BlobIndex> partial;
+  std::uint32_t partial_count = 0;
+  FieldRange partial_range;  // contains the sum of the partial blobs' fields
 
   Vec3d local(const Vec3d& point) const { return (point - centre) / half; }
+  void set_partial_count(std::size_t count, BlobIndex no_blob) {
+    partial_count = static_cast<std::uint32_t>(count);
+    partial.resize(count);
+    partial.resize((count + 3) / 4 * 4, no_blob);
+  }
 };
 
 /// A kd-tree over the boxes of many blobs. Its leaves are cells, or lie outside or inside the
@@ -41,24 +47,26 @@ class BlobCells {
   /// Where a leaf lies, or the index of its cell if that is less.
   static constexpr std::uint32_t kOutside = UINT32_MAX - 1, kInside = UINT32_MAX;
 
-  /// Builds no tree for kFew blobs or fewer. Requires at most 65,536 blobs.
+  /// Builds no tree for kFew blobs or fewer. Requires at most 65,535 blobs.
   BlobCells(std::span<const Blob> blobs, double threshold);
 
   bool empty() const { return nodes_.empty(); }
-  const UnitBlob& unit(BlobIndex i) const { return units_[i]; }
+  /// The blobs at four indices. The index behind that of the last blob is of one without a field.
+  FourBlobs four(const BlobIndex* indices) const { return {units_.data(), indices}; }
+  BlobIndex no_blob() const { return static_cast<BlobIndex>(units_.size() - 1); }
+  const Box3d& box() const { return box_; }
   const BlobCell& cell(std::uint32_t leaf) const { return cells_[leaf]; }
   /// Contains all points of the surface; empty if there are none.
   Box3d surface_box(std::span<const Blob> blobs, double threshold) const;
   /// The cell that contains a point; null if none does. Requires a tree.
   const BlobCell* find(const Vec3d& point) const;
 
-  /// Calls `visit(leaf, first, last)` for each leaf that the line passes through from t = first to
-  /// t = last, by ascending t, until it returns false. Requires a tree. The line leaves each leaf
-  /// at the t at which it enters the next.
+  /// Calls `visit(leaf, first, last)` for each leaf that the line, clipped to `inside`, passes
+  /// through from t = first to t = last >= from, by ascending t, until it returns false. Requires a
+  /// tree. The line leaves each leaf at the t at which it enters the next.
   template <typename Visit>
-  void each_along(const Vec3d& origin, const Vec3d& direction, const Visit& visit) const {
-    LineSegment inside;
-    if (!clip_line(box_, origin, direction, inside)) return;
+  void each_along(const Vec3d& origin, const Vec3d& direction, const LineSegment& inside,
+                  double from, const Visit& visit) const {
     struct Step {
       std::uint32_t node;
       double first, last;
@@ -68,6 +76,7 @@ class BlobCells {
     steps[count++] = {0, inside.first.t, inside.last.t};
     while (count > 0) {
       const Step step = steps[--count];
+      if (step.last < from) continue;
       const Node& node = nodes_[step.node];
       if (node.axis == kLeaf) {
         if (step.first < step.last && !visit(node.next, step.first, step.last)) return;
@@ -103,7 +112,7 @@ class BlobCells {
   Box3d box_;
   std::vector<Node> nodes_;
   std::vector<BlobCell> cells_;
-  std::vector<UnitBlob> units_;
+  std::vector<UnitBlob> units_;  // and one without a field
 };
 
 }  // namespace tessera::render

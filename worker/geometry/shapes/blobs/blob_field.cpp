@@ -46,8 +46,14 @@ Vec3d BlobField::outward_gradient(const Vec3d& point) const {
     return sum;
   }
   if (cell->has_whole) sum = -cell->whole.gradient(cell->local(point)) / cell->half;
-  for (const BlobIndex i : cell->partial) sum += cells_.unit(i).outward_gradient(point);
-  return sum;
+  const BlobVectors at = spread(point);
+  BlobVectors sums{};
+  for (std::size_t i = 0; i < cell->partial.size(); i += 4) {
+    const FourBlobs blobs = cells_.four(&cell->partial[i]);
+    const BlobVectors p = blobs.local(at);
+    sums += p * blobs.scale * (4.0 * blobs.strength * larger(one_less_dot(p, p), spread(0)));
+  }
+  return sum + Vec3d{total(sums.x), total(sums.y), total(sums.z)};
 }
 
 }  // namespace tessera::render

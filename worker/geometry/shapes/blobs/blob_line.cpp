@@ -40,6 +40,44 @@ struct BlobQuadratic {
   }
 };
 
+/// Sorts blobs, four at a time, into those that contain a segment, those that miss it and others.
+class Sieve {
+ public:
+  /// Adds the first to the sum and the others to the range; returns the bits of the others.
+  std::uint32_t sift(const FourBlobs& blobs, const BlobVectors& start, const BlobVectors& end) {
+    const BlobLanes none = spread(0);
+    const BlobVectors p = blobs.local(start), q = blobs.local(end);
+    const BlobLanes u = one_less_dot(p, p), v = one_less_dot(p, q), w = one_less_dot(q, q);
+    const BlobLanes around = only(at_least(u, none), at_least(w, none));
+    const BlobLanes weight = only(around, blobs.strength);
+    const BlobLanes su = weight * u, sv = weight * v, sw = weight * w;
+    sum_[0] = add_product(sum_[0], su, u);
+    sum_[1] = add_product(sum_[1], su, v);
+    sum_[2] = add_product(sum_[2], su, w);
+    middle_ = add_product(middle_, sv, v);
+    sum_[3] = add_product(sum_[3], sv, w);
+    sum_[4] = add_product(sum_[4], sw, w);
+    const BlobLanes most = larger(larger(u, v), w);
+    const BlobLanes others = without(around, above(most, none));
+    const BlobLanes greatest = only(others, blobs.strength * (most * most));
+    low_ += smaller(greatest, none);
+    high_ += larger(greatest, none);
+    return bits(others);
+  }
+
+  /// Bernstein coefficients of squares, as in BlobQuadratic.
+  void add_to(BernsteinQuartic& b) const {
+    for (std::size_t k = 0; k < 5; ++k) {
+      b[k] += k == 2 ? total(sum_[k] + 2.0 * middle_) / 3 : total(sum_[k]);
+    }
+  }
+  FieldRange range() const { return {total(low_), total(high_)}; }
+
+ private:
+  std::array<BlobLanes, 5> sum_{};
+  BlobLanes middle_{}, low_{}, high_{};
+};
+
 }  // namespace
 
 /// Splits the piece at t, which is `x` of its length from its start: returns the first part and
@@ -64,6 +102,8 @@ void BlobLine::pass(double t) {
 }
 
 void BlobLine::set_inside(bool inside, double t) {
+  if (!known_) inside_ = inside;
+  known_ = true;
   if (inside_ != inside) pass(t);
 }
 
@@ -178,37 +218,32 @@ void BlobLine::sweep(Piece rest) {
   if (last < rest.last && !alone && !done_) find_crossings(rest);
 }
 
-/// Finds the crossings of the sum of a piece and the last `count` partial blobs.
-void BlobLine::sweep_through(std::size_t count, const Piece& piece) {
+/// Finds the crossings of the sum of a piece and partial blobs.
+void BlobLine::sweep_through(const Partial& partial, const Piece& piece) {
   spans_.clear();
   events_.clear();
-  for (std::size_t i = partial_.size() - count; i < partial_.size(); ++i) {
-    add_span(field_->blobs()[partial_[i]]);
-  }
+  for (std::size_t i = 0; i < partial.count; ++i) add_span(field_->blobs()[partial.list[i]]);
   sweep(piece);
 }
 
-/// Sifts the last `count` partial blobs around a piece: adds those that contain it to the piece and
-/// appends those that neither contain nor miss it to partial_.
-BlobLine::Partial BlobLine::sift(Piece& piece, std::size_t count) {
-  visit_count_ += count;
-  const Vec3d start = origin_ + direction_ * piece.first, end = origin_ + direction_ * piece.last;
-  const std::size_t last = partial_.size();
-  Partial out = {0, {}, true};
-  for (std::size_t i = last - count; i < last; ++i) {
-    const UnitBlob& blob = field_->cells().unit(partial_[i]);
-    const BlobQuadratic u((start - blob.centre) * blob.scale, (end - blob.centre) * blob.scale);
-    if (u.start >= 0 && u.end >= 0) {
-      u.add_square(piece.b, blob.strength);
-      continue;
-    }
-    const double most = std::max({u.start, u.middle, u.end});
-    if (!(most > 0)) continue;
-    out.range.add(blob.strength * (most * most));
-    ++out.count;
-    partial_.push_back(partial_[i]);
+/// Sifts partial blobs around a piece: adds those that contain it to the piece and returns those
+/// that neither contain nor miss it.
+BlobLine::Partial BlobLine::sift(Piece& piece, const Partial& partial) {
+  visit_count_ += partial.count;
+  if (sifted_.size() <= depth_) sifted_.emplace_back();
+  std::vector<BlobIndex>& kept = sifted_[depth_];
+  if (kept.size() < partial.count + 8) kept.resize(partial.count + 8);
+  const BlobVectors start = spread(origin_ + direction_ * piece.first);
+  const BlobVectors end = spread(origin_ + direction_ * piece.last);
+  const BlobIndex* from = partial.list;
+  BlobIndex* to = kept.data();
+  Sieve sieve;
+  for (std::size_t i = 0; i < partial.count; i += 4, from += 4) {
+    to = copy_chosen(from, sieve.sift(field_->cells().four(from), start, end), to);
   }
-  return out;
+  sieve.add_to(piece.b);
+  std::fill_n(to, 3, field_->cells().no_blob());
+  return {kept.data(), static_cast<std::size_t>(to - kept.data()), sieve.range(), true};
 }
 
 /// 1 or -1 if all values of a piece and of partial blobs are above or below the threshold, else 0.
@@ -218,18 +253,39 @@ int BlobLine::side(const Piece& piece, const FieldRange& partial) {
   return low + partial.low > 0 ? 1 : high + partial.high < 0 ? -1 : 0;
 }
 
-/// Finds the crossings of the sum of a piece and the last partial blobs. A list is long, so it is
-/// sifted only where neither half of the piece can be decided without.
+/// Makes inside_ hold for the start of a piece, if what lies before it was skipped.
+void BlobLine::begin_at(const Piece& piece, const Partial& partial) {
+  if (known_) return;
+  visit_count_ += partial.count;
+  const BlobVectors start = spread(origin_ + direction_ * piece.first);
+  BlobLanes sum{};
+  for (std::size_t i = 0; i < partial.count; i += 4) {
+    const FourBlobs blobs = field_->cells().four(partial.list + i);
+    const BlobVectors p = blobs.local(start);
+    const BlobLanes left = larger(one_less_dot(p, p), spread(0));
+    sum += blobs.strength * (left * left);
+  }
+  inside_ = piece.b[0] + total(sum) > 0;
+  known_ = true;
+}
+
+/// Finds the crossings of the sum of a piece and partial blobs. A list is long, so it is sifted
+/// only where neither half of the piece can be decided without.
 void BlobLine::search(Piece piece, Partial partial) {
+  if (piece.first > request_.to) done_ = true;
   if (done_) return;
+  if (piece.last < request_.from) {
+    known_ = false;
+    return;
+  }
   if (const int found = side(piece, partial.range); found != 0) {
     return set_inside(found > 0, piece.first);
   }
-  if (partial.count == 0) return find_crossings(piece);
   const double middle = 0.5 * (piece.first + piece.last);
   const bool few = partial.count <= BlobField::kFew;
   if ((few && partial.sifted) || !(piece.first < middle && middle < piece.last)) {
-    return sweep_through(partial.count, piece);
+    begin_at(piece, partial);
+    return partial.count == 0 ? find_crossings(piece) : sweep_through(partial, piece);
   }
   Piece second = piece;
   const Piece first = second.take_until(middle, 0.5);
@@ -239,14 +295,13 @@ void BlobLine::search(Piece piece, Partial partial) {
     search(first, partial);
     return search(second, partial);
   }
-  const std::size_t size = partial_.size();
-  const Partial sifted = sift(piece, partial.count);
+  const Partial sifted = sift(piece, partial);
+  ++depth_;
   search(piece, sifted);
-  partial_.resize(size);
+  --depth_;
 }
 
-/// Finds the crossings of a line in a cell. If the leaf before it was skipped, the field decides
-/// whether the line begins inside.
+/// Finds the crossings of a line in a cell.
 void BlobLine::visit(const BlobCell& cell, double first, double last) {
   Piece piece = {first, last, {}};
   if (cell.has_whole) {
@@ -254,42 +309,27 @@ void BlobLine::visit(const BlobCell& cell, double first, double last) {
                                cell.local(origin_ + direction_ * last));
   }
   for (double& b : piece.b) b -= field_->threshold();
-  if (!known_) {
-    visit_count_ += cell.partial.size();
-    double value = piece.b[0];
-    const Vec3d start = origin_ + direction_ * first;
-    for (const BlobIndex i : cell.partial) value += field_->cells().unit(i).field(start);
-    inside_ = value > 0;
-    known_ = true;
-  }
-  partial_ = cell.partial;
-  search(piece, {partial_.size(), cell.partial_range, false});
+  const std::size_t count = cell.partial_count;
+  search(piece, {cell.partial.data(), count, cell.partial_range, count == 0});
 }
 
 void BlobLine::intersect_cells() {
   const BlobCells& cells = field_->cells();
-  double end = 0;
-  cells.each_along(origin_, direction_, [&](std::uint32_t leaf, double first, double last) {
-    const bool decided = leaf >= BlobCells::kOutside;
-    end = last;
-    if (last < request_.from) {
-      known_ = decided;
-      inside_ = leaf == BlobCells::kInside;
-      return true;
-    }
-    if (first > request_.to) done_ = true;
-    if (done_) return false;
-    if (!decided) {
-      visit(cells.cell(leaf), first, last);
-    } else if (known_) {
-      set_inside(leaf == BlobCells::kInside, first);
-    } else {
-      inside_ = leaf == BlobCells::kInside;
-      known_ = true;
-    }
-    return !done_;
-  });
-  if (inside_ && !done_) pass(end);  // the field is 0 outside all cells
+  LineSegment inside;
+  if (!clip_line(cells.box(), origin_, direction_, inside)) return;
+  known_ = !(inside.first.t < request_.from);  // a line begins outside all blobs
+  cells.each_along(origin_, direction_, inside, request_.from,
+                   [&](std::uint32_t leaf, double first, double last) {
+                     if (first > request_.to) done_ = true;
+                     if (done_) return false;
+                     if (leaf < BlobCells::kOutside) {
+                       visit(cells.cell(leaf), first, last);
+                     } else {
+                       set_inside(leaf == BlobCells::kInside, first);
+                     }
+                     return !done_;
+                   });
+  if (known_ && inside_) pass(inside.last.t);  // the field is 0 outside all cells
 }
 
 void BlobLine::start(const BlobField& field, const Vec3d& origin, const Vec3d& direction,
@@ -302,7 +342,8 @@ void BlobLine::start(const BlobField& field, const Vec3d& origin, const Vec3d& d
   events_.clear();
   crossings_.clear();
   inside_ = done_ = false;
-  known_ = true;  // a line begins outside all blobs
+  known_ = true;
+  depth_ = 0;
   visit_count_ = 0;
 }
 

@@ -59,8 +59,9 @@ class BlobLine {
     Piece take_until(double t, double x);
   };
 
-  /// Blobs that may begin or end in an interval: the last `count` of partial_.
+  /// Blobs that may begin or end in an interval.
   struct Partial {
+    const BlobIndex* list;  // as in a BlobCell: up to a multiple of four
     std::size_t count;
     FieldRange range;  // contains the sum of their fields
     bool sifted;       // whether sifting them again would change nothing
@@ -72,12 +73,13 @@ class BlobLine {
   void visit(const BlobCell& cell, double first, double last);
   static int side(const Piece& piece, const FieldRange& partial);
   void search(Piece piece, Partial partial);
-  Partial sift(Piece& piece, std::size_t count);
+  Partial sift(Piece& piece, const Partial& partial);
   void set_inside(bool inside, double t);
+  void begin_at(const Piece& piece, const Partial& partial);
 
   void add_span(const Blob& blob);
   void sweep_all();
-  void sweep_through(std::size_t count, const Piece& piece);
+  void sweep_through(const Partial& partial, const Piece& piece);
   void sweep(Piece rest);
   void step_over(const Event& event);
   Piece next_piece(Piece& rest, double first, double last);
@@ -88,7 +90,8 @@ class BlobLine {
   const BlobField* field_ = nullptr;
   Vec3d origin_, direction_;
   HitRequest request_;
-  std::vector<BlobIndex> partial_;
+  std::vector<std::vector<BlobIndex>> sifted_;  // by depth of the search
+  std::size_t depth_ = 0;
   std::vector<BlobSpan> spans_;
   std::vector<Event> events_;
   std::vector<std::uint32_t> active_;  // of spans_, in the order of entry; some have been left
@@ -96,7 +99,7 @@ class BlobLine {
   std::vector<Piece> pieces_;          // still to examine, the first one last
   std::vector<ShapeHit> crossings_;
   bool inside_ = false;
-  bool known_ = false;  // whether inside_ holds for the start of the next leaf
+  bool known_ = false;  // whether inside_ holds for the start of the next piece
   bool done_ = false;   // whether no further hit is requested
   std::size_t visit_count_ = 0;
 };

@@ -6,6 +6,29 @@
 #include "worker/gltf/file/uri.h"
 
 namespace tessera::render {
+namespace {
+
+constexpr std::string_view kScheme = "data:";
+
+/// Whether a data URI names a type with one slash, or none, and every parameter has a value; the
+/// last one may be "base64" instead.
+bool has_valid_header(std::string_view uri) {
+  const std::size_t comma = uri.find(',');
+  if (comma == std::string_view::npos) return false;
+  std::string_view header = uri.substr(kScheme.size(), comma - kScheme.size());
+  const std::string_view type = header.substr(0, header.find(';'));
+  if (!type.empty() && std::count(type.begin(), type.end(), '/') != 1) return false;
+  header.remove_prefix(type.size());
+  while (!header.empty()) {
+    if (header == ";base64") return true;
+    const std::string_view parameter = header.substr(0, header.find(';', 1));
+    if (parameter.find('=') == std::string_view::npos) return false;
+    header.remove_prefix(parameter.size());
+  }
+  return true;
+}
+
+}  // namespace
 
 UriForm form_of_uri(std::string_view uri) {
   if (is_data_uri(uri)) return UriForm::invalid;
@@ -25,11 +48,10 @@ UriForm form_of_uri(std::string_view uri) {
 }
 
 bool is_valid_data_uri(std::string_view uri) {
-  return is_data_uri(uri) && decode_data_uri(uri).ok();
+  return is_data_uri(uri) && has_valid_header(uri) && decode_data_uri(uri).ok();
 }
 
 std::string media_type_of(std::string_view uri) {
-  constexpr std::string_view kScheme = "data:";
   uri.remove_prefix(std::min(kScheme.size(), uri.size()));
   const std::string type =
       absl::AsciiStrToLower(std::string(uri.substr(0, uri.find_first_of(";,"))));

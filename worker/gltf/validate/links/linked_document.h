@@ -108,7 +108,7 @@ struct LinkedNode {
   std::int64_t parent = kNoIndex;
   bool is_joint = false;
   bool in_loop = false;              // the node is its own ancestor
-  std::int64_t root = kNoIndex;      // topmost ancestor; none below a loop
+  std::int64_t root = kNoIndex;      // topmost ancestor; in and below a loop one of its nodes
   std::size_t enter = 0, leave = 0;  // of a walk in depth-first order: descendants lie between
 };
 

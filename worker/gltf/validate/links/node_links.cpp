@@ -217,7 +217,8 @@ void check_skinned_node(LinkedDocument& document, const JsonNode& json, std::siz
   }
   if (has_transform(json)) document.findings.add(rules::kNodeSkinnedMeshLocalTransforms, path);
   const std::int64_t root = skin_roots[static_cast<std::size_t>(skin)];
-  if (root != kNoIndex && !scenes.also_contain(i, static_cast<std::size_t>(root))) {
+  if (root == kNoIndex || document.linked_nodes[static_cast<std::size_t>(root)].in_loop) return;
+  if (!scenes.also_contain(i, static_cast<std::size_t>(root))) {
     document.findings.add(rules::kNodeSkinNoScene, path);
   }
 }

@@ -23,6 +23,25 @@ void mark_loops(std::vector<LinkedNode>& nodes) {
   }
 }
 
+/// Gives the nodes of a loop, and those below it, a root in common: one of the loop's nodes.
+void set_roots_of_loops(std::vector<LinkedNode>& nodes) {
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    for (std::size_t at = i; nodes[at].in_loop && nodes[at].root == kNoIndex;
+         at = static_cast<std::size_t>(nodes[at].parent)) {
+      nodes[at].root = static_cast<std::int64_t>(i);
+    }
+  }
+  std::vector<std::size_t> walk;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    std::size_t at = i;
+    for (walk.clear(); nodes[at].root == kNoIndex;
+         at = static_cast<std::size_t>(nodes[at].parent)) {
+      walk.push_back(at);
+    }
+    for (const std::size_t below : walk) nodes[below].root = nodes[at].root;
+  }
+}
+
 }  // namespace
 
 void number_nodes(LinkedDocument& document) {
@@ -54,6 +73,7 @@ void number_nodes(LinkedDocument& document) {
       open.pop_back();
     }
   }
+  set_roots_of_loops(nodes);
 }
 
 }  // namespace tessera::render
