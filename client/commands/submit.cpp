@@ -66,6 +66,9 @@ void add_dependency_options(CLI::App& command, SubmitOptions& options) {
 }
 
 int run(const SubmitOptions& options, const Connection& connection) {
+  SignalHandler signals;
+  const auto client = FarmClient::connect(connection);
+  if (client.ok()) (*client)->start_connecting();  // while the scene is inspected
   auto prepared = prepare_job(options.render, options.name);
   if (!prepared.ok()) return fail(prepared.status());
   for (const std::string& remark : prepared->remarks) {
@@ -73,8 +76,6 @@ int run(const SubmitOptions& options, const Connection& connection) {
   }
   const auto limits = parse_limit_uses(options.limits);
   if (!limits.ok()) return fail(limits.status());
-  SignalHandler signals;
-  auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
   v1::CreateJobRequest& request = prepared->request;
   request.set_request_id(random_request_id());
