@@ -14,6 +14,9 @@
 namespace tessera::server {
 namespace {
 
+/// Images that are larger without compression are not tried in memory.
+constexpr std::int64_t kMaxCompression = 4;
+
 std::string frame_file_name(std::int32_t frame) {
   return absl::StrFormat("frame.%04d.exr", frame);
 }
@@ -43,29 +46,41 @@ FrameSpec frame_spec(const FilmCache& film, const FrameKey& key, const JobSpec& 
           film.max_samples(key), false};
 }
 
-}  // namespace
-
-absl::StatusOr<FrameRecord> write_finished_frame(
-    FilmCache& film, Store& store, const FrameKey& key, const JobSpec& spec,
-    const std::vector<BlockIndex::PassProgress>& progress) {
+/// Writes the image to memory if its row will hold it, else to the file `name`.
+absl::StatusOr<FrameResult> draw(FilmCache& film, Store& store, const FrameKey& key,
+                                 const FrameSpec& frame, const std::string& name) {
+  const TileReader read_tile = [&](std::int32_t tile) { return film.tile(key, tile); };
+  const std::int64_t max_bytes = store.max_row_image_bytes();
+  if (raw_frame_bytes(frame.settings) <= kMaxCompression * max_bytes) {
+    auto result = encode_frame(frame, read_tile);
+    if (!result.ok() || result->file_bytes <= max_bytes) return result;
+  }
   const auto folder = store.output_folder(key.job_id);
   if (!folder.ok()) return folder.status();
+  return write_frame(frame, read_tile, absl::StrCat(*folder, "/", name));
+}
+
+}  // namespace
+
+absl::StatusOr<FinishedFrame> write_finished_frame(
+    FilmCache& film, Store& store, const FrameKey& key, const JobSpec& spec,
+    const std::vector<BlockIndex::PassProgress>& progress) {
   const auto luminance = film.mean_luminance(key);
   if (!luminance.ok()) return luminance.status();
   const StoppingStats stopping = film.stopping(key);
   const FrameSpec frame = frame_spec(film, key, spec, *luminance);
   const std::string name = frame_file_name(key.frame);
-  const auto result = write_frame(
-      frame, [&](std::int32_t tile) { return film.tile(key, tile); },
-      absl::StrCat(*folder, "/", name));
+  auto result = draw(film, store, key, frame, name);
   if (!result.ok()) return result.status();
   const std::vector<CurvePoint> curve = curve_of(film, key, progress, *luminance);
-  FrameRecord record;
+  FinishedFrame finished;
+  finished.image = std::move(result->image);
+  FrameRecord& record = finished.record;
   record.frame = key.frame;
   record.file = name;
   record.file_sha256 = result->file_sha256;
   record.pixels_sha256 = result->pixels_sha256;
-  FrameSummary summary;
+  FrameSummary& summary = finished.summary;
   for (std::size_t pass = 0; pass < curve.size(); ++pass) {
     summary.unit_count += progress[pass].committed;
   }
@@ -85,7 +100,7 @@ absl::StatusOr<FrameRecord> write_finished_frame(
   }
   summary.entry_json = frame_entry_json(*result, name, status, curve);
   record.statistics_json = write_frame_summary(summary);
-  return record;
+  return finished;
 }
 
 absl::Status take_denoised_look(FilmCache& film, const FrameKey& key, const JobSpec& spec) {

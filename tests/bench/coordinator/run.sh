@@ -57,10 +57,14 @@ stop_all() {
   wait "${simulators[@]}" || true
   simulators=()
   rss_peak=$(awk '/VmHWM/ {print int($2 / 1024)}' "/proc/$server_pid/status")
+  server_cpu=$(cpu_seconds "$server_pid")
   kill -TERM "$server_pid"
   wait "$server_pid" || true
   server_pid=
 }
+
+# cpu_seconds PID: prints the CPU seconds that a process has used.
+cpu_seconds() { awk -v hz="$(getconf CLK_TCK)" '{sub(/.*\) /, ""); print ($12 + $13) / hz}' "/proc/$1/stat"; }
 
 rss_mb() { awk '/VmRSS/ {print $2 / 1024}' "/proc/$server_pid/status"; }
 
@@ -119,9 +123,9 @@ bench_jobs() {
     server
     simulate 2 4 64
     echo "small jobs: $("$BIN/bench_coordinator_small_jobs" --server "unix:$folder/s" \
-      --jobs "${JOBS:-10000}" --queued "$queued")"
+      --jobs "${JOBS:-10000}" --queued "$queued"); load average $(cut -d' ' -f1 /proc/loadavg)"
     stop_all
-    echo "small jobs: server at most $rss_peak MiB"
+    echo "small jobs: server at most $rss_peak MiB, $server_cpu CPU seconds for all jobs"
     rm -rf "${folder:?}"/*
   done
 }
