@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Measures a coordinator: durable small results per second, bytes per second of large results, memory per
-# connected worker, a 16k x 16k frame within 2 GiB, and small jobs per second. Simulated workers in other processes
-# use gRPC; the image of a large job is compared with the pixels that follow from the fabricated blocks.
+# connected worker, a 16k x 16k frame within 2 GiB, small jobs per second, and `tessera submit` of small scenes,
+# which a real worker renders. Simulated workers in other processes use gRPC; the image of a large job is compared
+# with the pixels that follow from the fabricated blocks.
 #
-#   tests/bench/coordinator/run.sh [small|bulk|connected|large|jobs]…    default: the first three
+#   tests/bench/coordinator/run.sh [small|bulk|connected|large|jobs|submit]…    default: the first three
 #
 # BIN: directory of tessera-server and the bench programs (build/dev/bin). STORE: empty directory for the
 # stores, on a real file system (tmpfs is refused, because syncs cost nothing there).
@@ -125,9 +126,33 @@ bench_jobs() {
     echo "small jobs: $("$BIN/bench_coordinator_small_jobs" --server "unix:$folder/s" \
       --jobs "${JOBS:-10000}" --queued "$queued"); load average $(cut -d' ' -f1 /proc/loadavg)"
     stop_all
-    echo "small jobs: server at most $rss_peak MiB, $server_cpu CPU seconds for all jobs"
+    echo "small jobs: server at most $rss_peak MiB, $server_cpu CPU seconds for all jobs;" \
+      "from credits to leases: $(grep -o '"lease_p.*[0-9]' "$folder"/sim*.json | cut -d: -f2- | tr '\n' ';')"
     rm -rf "${folder:?}"/*
   done
+}
+
+# SUBMITS scenes, one after another, over TCP.
+bench_submit() {
+  local address worker
+  "$BIN/tessera-server" --listen 127.0.0.1:0 --store "$folder/store" >"$folder/address" 2>"$folder/server.log" &
+  server_pid=$!
+  until grep -q : "$folder/address"; do
+    kill -0 "$server_pid" || { cat "$folder/server.log" >&2; exit 1; }
+    sleep 0.05
+  done
+  address=$(cat "$folder/address")
+  "$BIN/tessera-worker" --server "$address" --token "$folder/store/token" --name one --threads 1 \
+    --cache "$folder/cache" >"$folder/worker.log" 2>&1 &
+  simulators=($!)
+  until grep -q connected "$folder/server.log" "$folder/worker.log"; do sleep 0.05; done
+  tests/bench/coordinator/submits.py --bin "$BIN" --server "$address" --token "$folder/store/token" \
+    --scene tests/scenes/lit_square.gltf --count "${SUBMITS:-300}" --scratch "$folder"
+  echo "load average $(cut -d' ' -f1 /proc/loadavg)"
+  kill "${simulators[@]}" "$server_pid"
+  wait "${simulators[@]}" "$server_pid" || true
+  simulators=() server_pid=
+  rm -rf "${folder:?}"/*
 }
 
 bench_connected() {
