@@ -228,6 +228,11 @@ class Check {
                                   hex.substr(std::min<std::size_t>(2, hex.size()))),
                      row.integer(1), row.bytes(2));
         });
+    status.Update(rows_.each(
+        "SELECT lower(hex(sha256)) FROM asset_contents "
+        "WHERE sha256 NOT IN (SELECT sha256 FROM assets)",
+        {},
+        [&](const SqlRow& row) { fault("contents of asset ", row.text(0), ": no such asset"); }));
     each_file("assets", [&](const std::string& folder, const std::string& name) {
       return known.count(folder + name) > 0;
     });

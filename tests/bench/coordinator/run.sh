@@ -117,14 +117,17 @@ bench_large() {
   summary "a frame of 16384 x 16384"
 }
 
-# Jobs of four units each, first with an empty queue, then with jobs waiting that no worker can serve.
+# Jobs of four units each: as many as possible with an empty queue, then with jobs waiting that no worker can
+# serve, then RATE a second with those.
 bench_jobs() {
-  local queued
-  for queued in 0 ${QUEUED:-100000}; do
+  local queued rate
+  for queued in 0 ${QUEUED:-100000} ${QUEUED:-100000}/${RATE:-500}; do
+    rate=0
+    case $queued in */*) rate=${queued#*/} queued=${queued%/*} ;; esac
     server
     simulate 2 4 64
     echo "small jobs: $("$BIN/bench_coordinator_small_jobs" --server "unix:$folder/s" \
-      --jobs "${JOBS:-10000}" --queued "$queued"); load average $(cut -d' ' -f1 /proc/loadavg)"
+      --jobs "${JOBS:-10000}" --queued "$queued" --rate "$rate"); load average $(cut -d' ' -f1 /proc/loadavg)"
     stop_all
     echo "small jobs: server at most $rss_peak MiB, $server_cpu CPU seconds for all jobs;" \
       "from credits to leases: $(grep -o '"lease_p.*[0-9]' "$folder"/sim*.json | cut -d: -f2- | tr '\n' ';')"

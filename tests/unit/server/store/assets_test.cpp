@@ -236,6 +236,9 @@ TEST_F(SmallAssetsTest, CheckFindsDamagedRows) {
   EXPECT_NE(faults("UPDATE asset_contents SET contents=CAST('t' AS BLOB)").find("has 1 bytes"),
             std::string::npos);
   EXPECT_NE(faults("DELETE FROM asset_contents").find("No such file"), std::string::npos);
+  EXPECT_NE(faults("DELETE FROM assets; INSERT INTO asset_contents VALUES('s', 'c')")
+                .find("no such asset"),
+            std::string::npos);
 }
 
 TEST_F(SmallAssetsTest, BackupHasRowsAndFiles) {
