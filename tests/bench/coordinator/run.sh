@@ -4,7 +4,7 @@
 # which a real worker renders. Simulated workers in other processes use gRPC; the image of a large job is compared
 # with the pixels that follow from the fabricated blocks.
 #
-#   tests/bench/coordinator/run.sh [small|bulk|connected|large|jobs|submit]…    default: the first three
+#   tests/bench/coordinator/run.sh [small|bulk|connected|large|jobs|lease|submit]…    default: the first three
 #
 # BIN: directory of tessera-server and the bench programs (build/dev/bin). STORE: empty directory for the
 # stores, on a real file system (tmpfs is refused, because syncs cost nothing there).
@@ -66,6 +66,11 @@ stop_all() {
 
 # cpu_seconds PID: prints the CPU seconds that a process has used.
 cpu_seconds() { awk -v hz="$(getconf CLK_TCK)" '{sub(/.*\) /, ""); print ($12 + $13) / hz}' "/proc/$1/stat"; }
+
+# lease_times: prints the times from granting credits to the next leases of each process of simulators.
+lease_times() {
+  echo "from credits to leases $(grep -ho '"lease_p.*[0-9]' "$folder"/sim*.json | tr '\n' ';')"
+}
 
 rss_mb() { awk '/VmRSS/ {print $2 / 1024}' "/proc/$server_pid/status"; }
 
@@ -129,8 +134,7 @@ bench_jobs() {
     echo "small jobs: $("$BIN/bench_coordinator_small_jobs" --server "unix:$folder/s" \
       --jobs "${JOBS:-10000}" --queued "$queued" --rate "$rate"); load average $(cut -d' ' -f1 /proc/loadavg)"
     stop_all
-    echo "small jobs: server at most $rss_peak MiB, $server_cpu CPU seconds for all jobs;" \
-      "from credits to leases: $(grep -o '"lease_p.*[0-9]' "$folder"/sim*.json | cut -d: -f2- | tr '\n' ';')"
+    echo "small jobs: server at most $rss_peak MiB, $server_cpu CPU seconds for all jobs; $(lease_times)"
     rm -rf "${folder:?}"/*
   done
 }
@@ -155,6 +159,17 @@ bench_submit() {
   kill "${simulators[@]}" "$server_pid"
   wait "${simulators[@]}" "$server_pid" || true
   simulators=() server_pid=
+  rm -rf "${folder:?}"/*
+}
+
+# Leases of a large job behind jobs that no worker can serve.
+bench_lease() {
+  server
+  simulate 2 4 16
+  "$BIN/bench_coordinator_small_jobs" --server "unix:$folder/s" --jobs 1 --queued "${QUEUED:-100000}" >/dev/null
+  job --width 2048 --height 1024 --tile 8 --spp 8
+  stop_all
+  echo "behind ${QUEUED:-100000} jobs: $(lease_times); $(cat "$folder/job.json")"
   rm -rf "${folder:?}"/*
 }
 

@@ -193,6 +193,7 @@ void SimulatedWorker::on_event(const v1::WorkResponse& event) {
         for (std::int32_t k = 0; k < lease.tile_count(); ++k) {
           pending_.push_back({lease, lease.first_tile() + k});
         }
+        outstanding_ += lease.tile_count();
       }
     }
     deliver_->wake();
@@ -230,7 +231,8 @@ void SimulatedWorker::on_acknowledgements(const v1::AcknowledgementBatch& batch)
   message.mutable_credits()->set_unit_count(batch.acknowledgements_size());
   {
     const std::lock_guard lock(mutex_);
-    if (granted_us_ == 0) granted_us_ = now_us();
+    outstanding_ -= batch.acknowledgements_size();
+    if (granted_us_ == 0 && outstanding_ > 0) granted_us_ = now_us();
   }
   work_->send(std::move(message));
 }

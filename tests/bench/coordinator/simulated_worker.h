@@ -36,7 +36,9 @@ struct Counters {
   std::atomic<std::int64_t> committed_bytes = 0;
   std::atomic<std::int64_t> first_lease_us = 0, last_commit_us = 0;  // monotonic clock
   std::atomic<std::int64_t> closed = 0;                              // streams the server ended
-  Latencies lease;  // from granting credits to the next leases
+  /// From granting credits to the next leases, for workers that still have units: others may wait
+  /// for a job.
+  Latencies lease;
 };
 
 /// Films by job ID, created when a job is first seen.
@@ -90,8 +92,9 @@ class SimulatedWorker {
 
   std::mutex mutex_;
   std::deque<PendingUnit> pending_;
-  std::int64_t granted_us_ = 0;  // when credits were granted; 0: leases have come since
-  std::string open_block_;       // too long for one message; sent up to open_offset_
+  std::int64_t outstanding_ = 0;  // leased units without acknowledgement
+  std::int64_t granted_us_ = 0;   // when credits were granted; 0: leases have come since
+  std::string open_block_;        // too long for one message; sent up to open_offset_
   std::size_t open_offset_ = 0;
   std::unique_ptr<WorkStream> work_;
   std::unique_ptr<DeliverStream> deliver_;
