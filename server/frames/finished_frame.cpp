@@ -1,6 +1,8 @@
 #include "server/frames/finished_frame.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <cstdio>
 #include <optional>
 #include <string>
 #include <utility>
@@ -14,8 +16,8 @@
 namespace tessera::server {
 namespace {
 
-/// Images that are larger without compression are not tried in memory.
-constexpr std::int64_t kMaxCompression = 4;
+/// Size without compression up to which an image is encoded in memory and may become a row.
+constexpr std::int64_t kMaxRawBytes = 1 << 20;
 
 std::string frame_file_name(std::int32_t frame) {
   return absl::StrFormat("frame.%04d.exr", frame);
@@ -46,18 +48,35 @@ FrameSpec frame_spec(const FilmCache& film, const FrameKey& key, const JobSpec& 
           film.max_samples(key), false};
 }
 
-/// Writes the image to memory if its row will hold it, else to the file `name`.
+absl::Status write_file(const std::string& path, const std::string& bytes) {
+  errno = 0;
+  std::FILE* const file = std::fopen(path.c_str(), "wb");
+  bool is_written =
+      file != nullptr && std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
+  if (file != nullptr && std::fclose(file) != 0) is_written = false;
+  return is_written ? absl::OkStatus() : absl::ErrnoToStatus(errno == 0 ? EIO : errno, path);
+}
+
+/// Writes the image: a small one to FrameResult::image, another to the file `name`.
 absl::StatusOr<FrameResult> draw(FilmCache& film, Store& store, const FrameKey& key,
                                  const FrameSpec& frame, const std::string& name) {
   const TileReader read_tile = [&](std::int32_t tile) { return film.tile(key, tile); };
-  const std::int64_t max_bytes = store.max_row_image_bytes();
-  if (raw_frame_bytes(frame.settings) <= kMaxCompression * max_bytes) {
-    auto result = encode_frame(frame, read_tile);
-    if (!result.ok() || result->file_bytes <= max_bytes) return result;
+  const auto new_path = [&]() -> absl::StatusOr<std::string> {
+    const auto folder = store.output_folder(key.job_id);
+    if (!folder.ok()) return folder.status();
+    return absl::StrCat(*folder, "/", name);
+  };
+  if (raw_frame_bytes(frame.settings) > kMaxRawBytes) {
+    const auto path = new_path();
+    return path.ok() ? write_frame(frame, read_tile, *path) : path.status();
   }
-  const auto folder = store.output_folder(key.job_id);
-  if (!folder.ok()) return folder.status();
-  return write_frame(frame, read_tile, absl::StrCat(*folder, "/", name));
+  auto result = encode_frame(frame, read_tile);
+  if (!result.ok() || result->file_bytes <= store.max_row_image_bytes()) return result;
+  const auto path = new_path();
+  if (!path.ok()) return path.status();
+  absl::Status written = write_file(*path, std::exchange(result->image, ""));
+  if (!written.ok()) return written;
+  return result;
 }
 
 }  // namespace

@@ -201,9 +201,9 @@ TEST_F(FarmTest, ImagesAreExportedAsPngAndJpeg) {
 
 /// Of small assets, which are rows, and of one that is a file of several chunks.
 class FarmAssetTest : public FarmTest, public ::testing::WithParamInterface<std::size_t> {};
-INSTANTIATE_TEST_SUITE_P(Sizes, FarmAssetTest, ::testing::Values(5'000, 65'536, 65'537, 2'500'000));
+INSTANTIATE_TEST_SUITE_P(Bytes, FarmAssetTest, ::testing::Values(5'000, 65'536, 65'537, 2'500'000));
 
-TEST_P(FarmAssetTest, IsVisibleOnceVerified) {
+TEST_P(FarmAssetTest, AppearsOnceVerified) {
   const std::string bytes(GetParam(), 'x');
   const auto missing = [&] {
     grpc::ClientContext context;

@@ -50,14 +50,14 @@ class SmallAssetsTest : public AssetsTest {
 };
 
 /// True: as rows.
-class AnyAssetsTest : public AssetsTest, public ::testing::WithParamInterface<bool> {
+class AnyAssets : public AssetsTest, public ::testing::WithParamInterface<bool> {
  protected:
-  AnyAssetsTest() {
+  AnyAssets() {
     uses_rows_ = GetParam();
     open();
   }
 };
-INSTANTIATE_TEST_SUITE_P(FilesAndRows, AnyAssetsTest, ::testing::Bool());
+INSTANTIATE_TEST_SUITE_P(Rows, AnyAssets, ::testing::Bool());
 
 TEST_F(AssetsTest, AssetIsVisibleOncePublished) {
   const contract::Digest digest = contract::sha256("texture");
@@ -82,7 +82,7 @@ TEST_F(AssetsTest, PublishingMissingUploadIsNotFound) {
   EXPECT_TRUE(absl::IsNotFound(assets.open(contract::sha256("x")).status()));
 }
 
-TEST_P(AnyAssetsTest, OldestUnusedAreCollected) {
+TEST_P(AnyAssets, OldestAreCollected) {
   const contract::Digest named = upload(std::string(100, 'n'));
   const contract::Digest oldest = upload(std::string(100, 'o'));
   now_us_ += 1;
@@ -109,7 +109,7 @@ TEST_P(AnyAssetsTest, OldestUnusedAreCollected) {
   EXPECT_EQ(store().assets().used_bytes(), 200);
 }
 
-TEST_P(AnyAssetsTest, RecentlyReleasedIsCollectedLast) {
+TEST_P(AnyAssets, ReleasedIsCollectedLast) {
   const contract::Digest reused = upload(std::string(100, 'r'));
   now_us_ += 1;
   const contract::Digest unused = upload(std::string(100, 'u'));
@@ -120,7 +120,7 @@ TEST_P(AnyAssetsTest, RecentlyReleasedIsCollectedLast) {
   EXPECT_FALSE(store().assets().has(unused));
 }
 
-TEST_P(AnyAssetsTest, EmptyAndLargeOnesAreReadInParts) {
+TEST_P(AnyAssets, AreReadInParts) {
   const contract::Digest empty = upload("");
   const std::string bytes = std::string(30'000, 'a') + std::string(40'000, 'b');
   const contract::Digest large = upload(bytes);
