@@ -9,6 +9,7 @@
 #include <mutex>
 #include <random>
 #include <set>
+#include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -31,8 +32,9 @@ constexpr milliseconds kCallTimeout{20'000};
 constexpr milliseconds kRetryTimeout{60'000};
 constexpr milliseconds kFirstPause{50}, kMaxPause{1'000};
 constexpr milliseconds kWaitSlice{100};  // after which a wait looks whether it was cancelled
-constexpr std::size_t kChunkBytes = 1 << 20;
-constexpr std::size_t kAssetsPerCall = 10'000;  // 40 bytes each: far below a message's limit
+constexpr std::int64_t kChunkBytes = 1 << 20;
+constexpr std::int64_t kSmallUploadBytes = 64 << 10;  // does not delay the answers to pings
+constexpr std::size_t kAssetsPerCall = 10'000;        // 40 bytes each: far below a message's limit
 
 absl::StatusOr<std::string> read_token(const Connection& connection) {
   if (connection.token_file.empty()) {
@@ -61,6 +63,22 @@ class Client : public FarmClient {
         workers_(v1::WorkerService::NewStub(channel)),
         farm_(v1::FarmService::NewStub(channel)),
         random_(std::random_device{}()) {}
+
+  ~Client() override {
+    cancel();
+    if (connecting_.joinable()) connecting_.join();
+  }
+  Client(const Client&) = delete;
+  Client& operator=(const Client&) = delete;
+
+  void start_connecting() override {
+    connecting_ = std::thread([this] {
+      const Clock::time_point end = Clock::now() + connect_timeout_;
+      while (!is_cancelled() && Clock::now() < end &&
+             !channel_->WaitForConnected(std::chrono::system_clock::now() + kWaitSlice)) {
+      }
+    });
+  }
 
   absl::StatusOr<v1::CreateJobResponse> create_job(const v1::CreateJobRequest& request) override {
     v1::CreateJobRequest versioned = request;
@@ -292,17 +310,22 @@ class Client : public FarmClient {
   }
 
   absl::Status upload_asset(const v1::AssetId& asset, const std::string& path) override {
-    if (absl::Status status = open_uploads(); !status.ok()) return status;
+    const bool is_small = asset.size_bytes() <= kSmallUploadBytes;
+    if (!is_small) {
+      if (absl::Status status = open_uploads(); !status.ok()) return status;
+    }
+    v1::AssetService::Stub& stub = is_small ? *assets_ : *uploads_;
     return retry(milliseconds(0), [&](grpc::ClientContext& context) {
       std::ifstream file(path, std::ios::binary);
       if (!file) return absl::NotFoundError(absl::StrCat(path, ": cannot read the file"));
       v1::UploadAssetResponse response;
-      const auto stream = uploads_->UploadAsset(&context, &response);
+      const auto stream = stub.UploadAsset(&context, &response);
       v1::UploadAssetRequest request;
       *request.mutable_asset() = asset;
       bool open = stream->Write(request);
-      std::string chunk(kChunkBytes, '\0');
-      while (open && (file.read(chunk.data(), kChunkBytes) || file.gcount() > 0)) {
+      std::string chunk(static_cast<std::size_t>(is_small ? kSmallUploadBytes : kChunkBytes), '\0');
+      while (open && (file.read(chunk.data(), static_cast<std::streamsize>(chunk.size())) ||
+                      file.gcount() > 0)) {
         request.set_chunk(chunk.data(), static_cast<std::size_t>(file.gcount()));
         open = stream->Write(request);
       }
@@ -329,7 +352,7 @@ class Client : public FarmClient {
     return request;
   }
 
-  /// Uploads have a connection of their own: on a slow line they delay the answers to pings.
+  /// Large uploads have a connection of their own: on a slow line they delay the answers to pings.
   absl::Status open_uploads() {
     if (uploads_ != nullptr) return absl::OkStatus();
     const auto channel = contract::open_channel(address_, certs_, contract::Keepalive::bulk);
@@ -438,8 +461,9 @@ class Client : public FarmClient {
   const std::unique_ptr<v1::AssetService::Stub> assets_;
   const std::unique_ptr<v1::WorkerService::Stub> workers_;
   const std::unique_ptr<v1::FarmService::Stub> farm_;
-  std::unique_ptr<v1::AssetService::Stub> uploads_;  // null before the first upload
-  std::mt19937 random_;                              // jitter only
+  std::unique_ptr<v1::AssetService::Stub> uploads_;  // null before the first large upload
+  std::thread connecting_;
+  std::mt19937 random_;  // jitter only
   std::int64_t contacts_ = 0;
 
   std::mutex mutex_;  // guards what follows

@@ -31,6 +31,10 @@ class FarmClient {
   static absl::StatusOr<std::unique_ptr<FarmClient>> connect(const Connection& connection);
   virtual ~FarmClient() = default;
 
+  /// Connects on another thread, so that the first call need not wait for it. At most once, before
+  /// any call.
+  virtual void start_connecting() = 0;
+
   virtual absl::StatusOr<v1::CreateJobResponse> create_job(const v1::CreateJobRequest& request) = 0;
   /// `job`: ID, unique prefix, name, or `last`. Other calls require the ID.
   virtual absl::StatusOr<v1::Job> get_job(const std::string& job) = 0;

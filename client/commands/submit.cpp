@@ -1,5 +1,6 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <future>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -67,6 +68,12 @@ void add_dependency_options(CLI::App& command, SubmitOptions& options) {
 }
 
 int run(const SubmitOptions& options, const Connection& connection) {
+  SignalHandler signals;
+  auto connecting = std::async(std::launch::async, [&] {  // while the scene is inspected
+    auto connected = FarmClient::connect(connection);
+    if (connected.ok()) (*connected)->start_connecting();
+    return connected;
+  });
   auto prepared = prepare_job(options.render, options.name);
   if (!prepared.ok()) return fail(prepared.status());
   for (const std::string& remark : prepared->remarks) {
@@ -74,8 +81,7 @@ int run(const SubmitOptions& options, const Connection& connection) {
   }
   const auto limits = parse_limit_uses(options.limits);
   if (!limits.ok()) return fail(limits.status());
-  SignalHandler signals;
-  auto client = FarmClient::connect(connection);
+  const auto client = connecting.get();
   if (!client.ok()) return fail(client.status());
   v1::CreateJobRequest& request = prepared->request;
   request.set_request_id(random_request_id());
@@ -95,7 +101,11 @@ int run(const SubmitOptions& options, const Connection& connection) {
   }
   if (!made.ok()) return fail(made.status());
   print_submitted(*made, options.json);
-  if (!options.wait) return kExitDone;
+  if (!options.wait) {
+    prepared->folder.reset();  // deletes it
+    exit_at_once(kExitDone);
+    return kExitDone;
+  }
   return watch_until_finished(**client, signals, made->job().id(), options.json, prepared->remarks);
 }
 

@@ -22,7 +22,7 @@ absl::StatusOr<v1::AssetId> identify(const std::string& path) {
   if (!file) return absl::InvalidArgumentError(absl::StrCat(path, ": cannot read the file"));
   contract::Hasher hasher;
   std::int64_t size = 0;
-  std::string buffer(1 << 20, '\0');
+  std::string buffer(64 << 10, '\0');
   while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
          file.gcount() > 0) {
     hasher.update(std::string_view(buffer.data(), static_cast<std::size_t>(file.gcount())));

@@ -51,17 +51,43 @@ Imf::PixelType pixel_type(ExrType type) {
   return Imf::FLOAT;
 }
 
-/// Writes with stdio and records failures: OpenEXR completes a file in a destructor, where its own
-/// errors are lost.
 class Sink : public Imf::OStream {
  public:
-  explicit Sink(const std::string& path)
-      : OStream(path.c_str()), file_(std::fopen(path.c_str(), "wb")) {
+  explicit Sink(const std::string& name) : OStream(name.c_str()) {}
+  /// Returns 0 if all bytes were written, else an errno value. No writes may follow.
+  virtual int finish() = 0;
+};
+
+/// Writes to a string.
+class MemorySink final : public Sink {
+ public:
+  explicit MemorySink(std::string& bytes) : Sink("image"), bytes_(bytes) {}
+
+  void write(const char bytes[], int count) override {
+    const auto size = static_cast<std::size_t>(count);
+    if (bytes_.size() < position_ + size) bytes_.resize(position_ + size);
+    std::memcpy(&bytes_[position_], bytes, size);
+    position_ += size;
+  }
+  std::uint64_t tellp() override { return position_; }
+  void seekp(std::uint64_t position) override { position_ = position; }
+  int finish() override { return 0; }
+
+ private:
+  std::string& bytes_;
+  std::size_t position_ = 0;
+};
+
+/// Writes with stdio and records failures: OpenEXR completes a file in a destructor, where its own
+/// errors are lost.
+class FileSink final : public Sink {
+ public:
+  explicit FileSink(const std::string& path) : Sink(path), file_(std::fopen(path.c_str(), "wb")) {
     if (file_ == nullptr) fail();
   }
-  ~Sink() override { finish(); }
-  Sink(const Sink&) = delete;
-  Sink& operator=(const Sink&) = delete;
+  ~FileSink() override { close(); }
+  FileSink(const FileSink&) = delete;
+  FileSink& operator=(const FileSink&) = delete;
 
   void write(const char bytes[], int count) override {
     const auto size = static_cast<std::size_t>(count);
@@ -79,14 +105,16 @@ class Sink : public Imf::OStream {
       throw std::system_error(error_, std::generic_category());
     }
   }
-  /// Returns 0 if all bytes were written, else an errno value. No writes may follow.
-  int finish() {
-    if (file_ != nullptr && std::fclose(file_) != 0) fail();
-    file_ = nullptr;
+  int finish() override {
+    close();
     return error_;
   }
 
  private:
+  void close() {
+    if (file_ != nullptr && std::fclose(file_) != 0) fail();
+    file_ = nullptr;
+  }
   void fail() {
     if (error_ == 0) error_ = errno != 0 ? errno : EIO;
   }
@@ -99,8 +127,8 @@ class Sink : public Imf::OStream {
 
 class ExrWriter::File {
  public:
-  File(const std::string& path, const Imf::Header& header)
-      : path_(path), sink_(path), output_(std::make_unique<Imf::OutputFile>(sink_, header, 0)) {}
+  File(std::unique_ptr<Sink> sink, const Imf::Header& header)
+      : sink_(std::move(sink)), output_(std::make_unique<Imf::OutputFile>(*sink_, header, 0)) {}
 
   void write(const Imf::FrameBuffer& frame_buffer, int rows) {
     output_->setFrameBuffer(frame_buffer);
@@ -108,13 +136,12 @@ class ExrWriter::File {
   }
   int finish() {
     output_.reset();
-    return sink_.finish();
+    return sink_->finish();
   }
-  const std::string& path() const { return path_; }
+  std::string path() const { return sink_->fileName(); }
 
  private:
-  std::string path_;
-  Sink sink_;
+  std::unique_ptr<Sink> sink_;
   std::unique_ptr<Imf::OutputFile> output_;
 };
 
@@ -124,6 +151,20 @@ ExrWriter::~ExrWriter() = default;
 absl::StatusOr<std::unique_ptr<ExrWriter>> ExrWriter::open(const std::string& path,
                                                            const ExrHeader& header,
                                                            const std::vector<ExrPlane>& planes) {
+  std::unique_ptr<ExrWriter> writer(new ExrWriter);
+  absl::Status started = writer->start(path, header, planes);
+  if (!started.ok()) return started;
+  return writer;
+}
+
+absl::StatusOr<std::unique_ptr<ExrWriter>> ExrWriter::in_memory(
+    const ExrHeader& header, const std::vector<ExrPlane>& planes) {
+  return open("", header, planes);
+}
+
+/// `path`: empty to write to memory.
+absl::Status ExrWriter::start(const std::string& path, const ExrHeader& header,
+                              const std::vector<ExrPlane>& planes) {
   try {
     Imf::Header exr(box(header.display_window), box(header.data_window));
     exr.compression() = Imf::ZIP_COMPRESSION;
@@ -133,10 +174,15 @@ absl::StatusOr<std::unique_ptr<ExrWriter>> ExrWriter::open(const std::string& pa
     for (const auto& [name, text] : header.texts) exr.insert(name, Imf::StringAttribute(text));
     for (const auto& [name, number] : header.numbers) exr.insert(name, Imf::IntAttribute(number));
     for (const auto& [name, real] : header.reals) exr.insert(name, Imf::DoubleAttribute(real));
-    std::unique_ptr<ExrWriter> writer(new ExrWriter);
-    writer->window_ = header.data_window;
-    writer->file_ = std::make_unique<File>(path, exr);
-    return writer;
+    window_ = header.data_window;
+    std::unique_ptr<Sink> sink;
+    if (path.empty()) {
+      sink = std::make_unique<MemorySink>(bytes_);
+    } else {
+      sink = std::make_unique<FileSink>(path);
+    }
+    file_ = std::make_unique<File>(std::move(sink), exr);
+    return absl::OkStatus();
   } catch (const std::exception& error) {
     return failure(path, error);
   }

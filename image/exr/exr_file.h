@@ -42,6 +42,9 @@ class ExrWriter {
   static absl::StatusOr<std::unique_ptr<ExrWriter>> open(const std::string& path,
                                                          const ExrHeader& header,
                                                          const std::vector<ExrPlane>& planes);
+  /// Writes to memory; take_bytes() returns the file.
+  static absl::StatusOr<std::unique_ptr<ExrWriter>> in_memory(const ExrHeader& header,
+                                                              const std::vector<ExrPlane>& planes);
   ~ExrWriter();
   ExrWriter(const ExrWriter&) = delete;
   ExrWriter& operator=(const ExrWriter&) = delete;
@@ -53,10 +56,14 @@ class ExrWriter {
   std::int64_t half_overflow_count() const { return half_overflow_count_; }
   /// Completes the file. Errors: Unavailable, not all bytes could be written.
   absl::Status close();
+  /// Returns the file of in_memory(). Requires: closed.
+  std::string take_bytes() { return std::move(bytes_); }
 
  private:
   class File;
   ExrWriter();
+  absl::Status start(const std::string& path, const ExrHeader& header,
+                     const std::vector<ExrPlane>& planes);
   /// Converts the first `count` values to half floats, clamped to ±65504, and counts clamped ones.
   void convert(const std::vector<float>& values, std::vector<std::uint16_t>& bits,
                std::size_t count);
@@ -64,6 +71,7 @@ class ExrWriter {
   contract::PixelRect window_;
   std::int32_t rows_written_ = 0;
   std::int64_t half_overflow_count_ = 0;
+  std::string bytes_;  // of in_memory(); written by file_
   std::unique_ptr<File> file_;
 };
 

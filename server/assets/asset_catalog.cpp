@@ -15,11 +15,17 @@ constexpr auto kAssetPin = std::chrono::hours(1);
 }  // namespace
 
 bool AssetCatalog::has_asset(const contract::Digest& digest) {
-  if (!store_.has_asset(digest)) return false;
+  if (!store_.assets().has(digest)) return false;
   const Time now = farm_.now();
   const MutexLock lock(mutex_);
   asked_[digest] = now;
+  if (asked_.size() > max_asked_) forget_asked(now);
   return true;
+}
+
+void AssetCatalog::forget_asked(Time now) {
+  std::erase_if(asked_, [&](const auto& entry) { return now - entry.second > kAssetPin; });
+  max_asked_ = 2 * asked_.size() + 1000;  // visits each entry a constant number of times
 }
 
 absl::Status AssetCatalog::check_present(const JobSpec& spec) {
@@ -45,7 +51,7 @@ void AssetCatalog::add_job(JobKey key, const JobSpec& spec) {
 
 absl::Status AssetCatalog::release(JobKey key, const JobSpec& spec) {
   const std::vector<contract::Digest> digests = spec.asset_digests();
-  absl::Status status = store_.release_assets(digests);
+  absl::Status status = store_.assets().release(digests);
   {
     const MutexLock lock(mutex_);
     for (const contract::Digest& digest : digests) {
@@ -72,28 +78,42 @@ bool AssetCatalog::is_leased_asset(const contract::Digest& digest,
   });
 }
 
+void AssetCatalog::add_asset(const contract::Digest& digest, std::string bytes,
+                             CommitPipeline::Answer done) {
+  pipeline_.post_write(
+      [this, digest, bytes = std::move(bytes)] { return store_.assets().add(digest, bytes); },
+      [this, done = std::move(done)](const absl::Status& status) {
+        if (is_over_quota()) pipeline_.post([this] { collect(); });
+        done(status);
+      });
+}
+
 void AssetCatalog::publish_asset(const std::string& upload_path, const contract::Digest& digest,
-                                 std::function<void(absl::Status)> done) {
+                                 CommitPipeline::Answer done) {
   pipeline_.post([this, upload_path, digest, done = std::move(done)] {
-    const absl::Status status = store_.publish_asset(upload_path, digest);
+    const absl::Status status = store_.assets().publish(upload_path, digest);
     collect();
     done(status);
   });
 }
 
+bool AssetCatalog::is_over_quota() const {
+  return store_.assets().used_bytes() > farm_.options().asset_quota_bytes;
+}
+
 /// If the assets exceed their quota, deletes some that nobody needs. On the writer thread.
 void AssetCatalog::collect() {
+  if (!is_over_quota()) return;
   const Time now = farm_.now();
   std::vector<contract::Digest> named;
   {
     const MutexLock lock(mutex_);
-    std::erase_if(asked_, [&](const auto& entry) { return now - entry.second > kAssetPin; });
-    if (store_.asset_bytes() <= farm_.options().asset_quota_bytes) return;
+    forget_asked(now);
     for (const auto& [digest, time] : asked_) named.push_back(digest);
     for (const auto& [digest, keys] : jobs_) named.push_back(digest);
   }
   const absl::Status status =
-      store_.collect_assets(farm_.options().wall_us(), farm_.options().asset_quota_bytes, named);
+      store_.assets().collect(farm_.options().wall_us(), farm_.options().asset_quota_bytes, named);
   if (!status.ok()) farm_.log(LogLevel::error, absl::StrCat("assets: ", status.ToString()));
 }
 

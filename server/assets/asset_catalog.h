@@ -26,10 +26,18 @@ class AssetCatalog {
 
   /// Returns whether the asset exists; protects it from deletion for an hour.
   bool has_asset(const contract::Digest& digest) ABSL_LOCKS_EXCLUDED(mutex_);
-  absl::StatusOr<std::string> new_upload_path() { return store_.new_upload_path(); }
+  /// Returns a reader of an asset. Errors: NotFound.
+  absl::StatusOr<AssetReader> open_asset(const contract::Digest& digest) const {
+    return store_.assets().open(digest);
+  }
+  /// Size up to which an asset is uploaded into memory, for add_asset().
+  std::int64_t max_row_bytes() const { return store_.assets().max_row_bytes(); }
+  /// Stores a small upload. `done`: as of CommitPipeline.
+  void add_asset(const contract::Digest& digest, std::string bytes, CommitPipeline::Answer done);
+  absl::StatusOr<std::string> new_upload_path() { return store_.assets().new_upload_path(); }
+  /// Stores a large upload.
   void publish_asset(const std::string& upload_path, const contract::Digest& digest,
-                     std::function<void(absl::Status)> done);
-  std::string asset_path(const contract::Digest& digest) const { return store_.asset_path(digest); }
+                     CommitPipeline::Answer done);
   /// Returns whether the asset is a scene file of a job of which units were leased to workers with
   /// this certificate.
   bool is_leased_asset(const contract::Digest& digest, const std::string& certificate) const
@@ -42,6 +50,8 @@ class AssetCatalog {
   absl::Status release(JobKey key, const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
+  void forget_asked(Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  bool is_over_quota() const;
   void collect() ABSL_LOCKS_EXCLUDED(mutex_);
 
   FarmState& farm_;
@@ -49,6 +59,8 @@ class AssetCatalog {
   CommitPipeline& pipeline_;
   mutable Mutex mutex_;
   std::map<contract::Digest, Time> asked_ ABSL_GUARDED_BY(mutex_);
+  /// Number of entries of asked_ at which those that are too old are removed.
+  std::size_t max_asked_ ABSL_GUARDED_BY(mutex_) = 1000;
   /// Jobs that refer to the asset; true: as a file of their scene, which workers read.
   std::map<contract::Digest, std::map<JobKey, bool>> jobs_ ABSL_GUARDED_BY(mutex_);
 };

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_cat.h"
 #include "contract/pass_schedule.h"
 
 namespace tessera::server {
@@ -13,14 +14,19 @@ bool FrameSummary::fits(const contract::RenderSettings& settings) const {
 }
 
 std::string write_frame_summary(const FrameSummary& summary) {
-  json document = {{"spp", summary.spp},          {"samples", summary.samples},
-                   {"units", summary.unit_count}, {"warnings", summary.warnings},
-                   {"reasons", summary.reasons},  {"entry", json::parse(summary.entry_json)}};
+  json document = {{"spp", summary.spp},
+                   {"samples", summary.samples},
+                   {"units", summary.unit_count},
+                   {"warnings", summary.warnings},
+                   {"reasons", summary.reasons}};
   if (summary.error) document["error"] = *summary.error;
   if (summary.estimated_error) document["estimated_error"] = *summary.estimated_error;
   if (!summary.doubts.empty()) document["doubts"] = summary.doubts;
   if (summary.certainty) document["certainty"] = certainty_name(*summary.certainty);
-  return document.dump();
+  std::string text = document.dump();
+  text.pop_back();  // the entry is JSON already
+  return absl::StrCat(text, R"(,"entry":)", summary.entry_json.empty() ? "{}" : summary.entry_json,
+                      "}");
 }
 
 FrameSummary read_frame_summary(const std::string& text) {

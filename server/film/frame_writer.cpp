@@ -254,7 +254,7 @@ absl::Status hash_file(const std::string& path, FrameResult& result) {
                                                              &std::fclose);
   if (file == nullptr) return absl::UnavailableError(absl::StrCat(path, ": cannot be read back"));
   contract::Hasher hasher;
-  std::vector<std::byte> bytes(1 << 20);
+  std::vector<std::byte> bytes(64 << 10);
   std::size_t size = 0;
   while ((size = std::fread(bytes.data(), 1, bytes.size(), file.get())) > 0) {
     hasher.update(std::span(bytes).first(size));
@@ -339,9 +339,12 @@ class Output {
     if (spec.settings.denoise) denoiser_.emplace(denoiser_of(spec, window, planes));
   }
 
+  /// `path`: empty to write to memory.
   absl::Status open(const std::string& path, const ExrHeader& header,
                     const std::vector<ExrPlane>& planes) {
-    auto writer = ExrWriter::open(path, header, denoiser_ ? denoiser_->planes() : planes);
+    const std::vector<ExrPlane>& written = denoiser_ ? denoiser_->planes() : planes;
+    auto writer = path.empty() ? ExrWriter::in_memory(header, written)
+                               : ExrWriter::open(path, header, written);
     if (!writer.ok()) return writer.status();
     writer_ = *std::move(writer);
     return absl::OkStatus();
@@ -360,6 +363,7 @@ class Output {
   /// Completes the file and enters the digests and, after denoising, the error.
   absl::Status close(FrameResult& result) {
     if (absl::Status status = writer_->close(); !status.ok()) return status;
+    result.image = writer_->take_bytes();
     result.statistics.half_overflow_count = writer_->half_overflow_count();
     result.pixels_sha256 = raw_pixels_.finish();
     if (!denoiser_) return absl::OkStatus();
@@ -377,9 +381,8 @@ class Output {
   contract::Hasher raw_pixels_, denoised_pixels_;
 };
 
-}  // namespace
-
-absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader& read_tile,
+/// Writes a frame, except for the digest of the file. `path`: empty to write to memory.
+absl::StatusOr<FrameResult> write_bands(const FrameSpec& spec, const TileReader& read_tile,
                                         const std::string& path) {
   const contract::TileGrid grid(spec.settings);
   const PixelRect& window = grid.window();
@@ -397,8 +400,33 @@ absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader&
   result.statistics = assembly.gatherer.finish();
   if (absl::Status status = output.close(result); !status.ok()) return status;
   result.missing_tiles = std::move(assembly.missing_tiles);
-  if (absl::Status status = hash_file(path, result); !status.ok()) return status;
   return result;
+}
+
+}  // namespace
+
+absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader& read_tile,
+                                        const std::string& path) {
+  auto result = write_bands(spec, read_tile, path);
+  if (!result.ok()) return result;
+  if (absl::Status status = hash_file(path, *result); !status.ok()) return status;
+  return result;
+}
+
+absl::StatusOr<FrameResult> encode_frame(const FrameSpec& spec, const TileReader& read_tile) {
+  auto result = write_bands(spec, read_tile, "");
+  if (!result.ok()) return result;
+  result->file_bytes = static_cast<std::int64_t>(result->image.size());
+  result->file_sha256 = contract::sha256(result->image);
+  return result;
+}
+
+std::int64_t raw_frame_bytes(const RenderSettings& settings) {
+  std::int64_t pixel_bytes = 0;
+  const Band band(settings, 0);
+  for (const ExrPlane& plane : band.planes()) pixel_bytes += plane.type == ExrType::half ? 2 : 4;
+  const PixelRect window = settings.window();
+  return std::int64_t{window.width} * window.height * pixel_bytes;
 }
 
 absl::StatusOr<FrameStatistics> measure_denoised(const FrameSpec& spec,

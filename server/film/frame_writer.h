@@ -72,6 +72,7 @@ struct FrameResult {
   std::int64_t file_bytes = 0;
   FrameStatistics statistics;
   std::vector<contract::PixelRect> missing_tiles;  // frame coordinates; only with allow_missing
+  std::string image;                               // the file, of encode_frame()
 };
 
 /// Writes a frame's window as OpenEXR (one part, scanlines, ZIP) to `path`, which the caller
@@ -87,6 +88,12 @@ struct FrameResult {
 /// Unavailable, the file cannot be written (the message says why). A partly written file is left.
 absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader& read_tile,
                                         const std::string& path);
+
+/// Writes a frame as write_frame() does, but to memory: FrameResult::image.
+absl::StatusOr<FrameResult> encode_frame(const FrameSpec& spec, const TileReader& read_tile);
+
+/// Returns the size of the frame's pixels in a file without compression.
+std::int64_t raw_frame_bytes(const contract::RenderSettings& settings);
 
 /// Denoises a frame and returns the statistics that write_frame() would, except for digests and
 /// what concerns the file. Requires settings.denoise. Errors: as write_frame(), except for files.

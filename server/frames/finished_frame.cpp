@@ -1,6 +1,8 @@
 #include "server/frames/finished_frame.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <cstdio>
 #include <optional>
 #include <string>
 #include <utility>
@@ -13,6 +15,9 @@
 
 namespace tessera::server {
 namespace {
+
+/// Size without compression up to which an image is encoded in memory and may become a row.
+constexpr std::int64_t kMaxRawBytes = 1 << 20;
 
 std::string frame_file_name(std::int32_t frame) {
   return absl::StrFormat("frame.%04d.exr", frame);
@@ -43,29 +48,58 @@ FrameSpec frame_spec(const FilmCache& film, const FrameKey& key, const JobSpec& 
           film.max_samples(key), false};
 }
 
+absl::Status write_file(const std::string& path, const std::string& bytes) {
+  errno = 0;
+  std::FILE* const file = std::fopen(path.c_str(), "wb");
+  bool is_written =
+      file != nullptr && std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
+  if (file != nullptr && std::fclose(file) != 0) is_written = false;
+  return is_written ? absl::OkStatus() : absl::ErrnoToStatus(errno == 0 ? EIO : errno, path);
+}
+
+/// Writes the image: a small one to FrameResult::image, another to the file `name`.
+absl::StatusOr<FrameResult> draw(FilmCache& film, Store& store, const FrameKey& key,
+                                 const FrameSpec& frame, const std::string& name) {
+  const TileReader read_tile = [&](std::int32_t tile) { return film.tile(key, tile); };
+  const auto new_path = [&]() -> absl::StatusOr<std::string> {
+    const auto folder = store.output_folder(key.job_id);
+    if (!folder.ok()) return folder.status();
+    return absl::StrCat(*folder, "/", name);
+  };
+  if (raw_frame_bytes(frame.settings) > kMaxRawBytes) {
+    const auto path = new_path();
+    return path.ok() ? write_frame(frame, read_tile, *path) : path.status();
+  }
+  auto result = encode_frame(frame, read_tile);
+  if (!result.ok() || result->file_bytes <= store.max_row_image_bytes()) return result;
+  const auto path = new_path();
+  if (!path.ok()) return path.status();
+  absl::Status written = write_file(*path, std::exchange(result->image, ""));
+  if (!written.ok()) return written;
+  return result;
+}
+
 }  // namespace
 
-absl::StatusOr<FrameRecord> write_finished_frame(
+absl::StatusOr<FinishedFrame> write_finished_frame(
     FilmCache& film, Store& store, const FrameKey& key, const JobSpec& spec,
     const std::vector<BlockIndex::PassProgress>& progress) {
-  const auto folder = store.output_folder(key.job_id);
-  if (!folder.ok()) return folder.status();
   const auto luminance = film.mean_luminance(key);
   if (!luminance.ok()) return luminance.status();
   const StoppingStats stopping = film.stopping(key);
   const FrameSpec frame = frame_spec(film, key, spec, *luminance);
   const std::string name = frame_file_name(key.frame);
-  const auto result = write_frame(
-      frame, [&](std::int32_t tile) { return film.tile(key, tile); },
-      absl::StrCat(*folder, "/", name));
+  auto result = draw(film, store, key, frame, name);
   if (!result.ok()) return result.status();
   const std::vector<CurvePoint> curve = curve_of(film, key, progress, *luminance);
-  FrameRecord record;
+  FinishedFrame finished;
+  finished.image = std::move(result->image);
+  FrameRecord& record = finished.record;
   record.frame = key.frame;
   record.file = name;
   record.file_sha256 = result->file_sha256;
   record.pixels_sha256 = result->pixels_sha256;
-  FrameSummary summary;
+  FrameSummary& summary = finished.summary;
   for (std::size_t pass = 0; pass < curve.size(); ++pass) {
     summary.unit_count += progress[pass].committed;
   }
@@ -85,7 +119,7 @@ absl::StatusOr<FrameRecord> write_finished_frame(
   }
   summary.entry_json = frame_entry_json(*result, name, status, curve);
   record.statistics_json = write_frame_summary(summary);
-  return record;
+  return finished;
 }
 
 absl::Status take_denoised_look(FilmCache& film, const FrameKey& key, const JobSpec& spec) {

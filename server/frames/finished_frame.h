@@ -1,20 +1,29 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "server/film/film_cache.h"
+#include "server/film/frame_summary.h"
 #include "server/schedule/plan/job_spec.h"
 #include "server/state/block_index.h"
 #include "server/store/store.h"
 
 namespace tessera::server {
 
-/// Writes the image of a complete frame to the job's output folder and returns the frame's row,
-/// with its statistics. `progress`: of the frame's passes. Reads blocks as needed.
+/// A complete frame, which the store has yet to record.
+struct FinishedFrame {
+  FrameRecord record;
+  FrameSummary summary;
+  std::string image;  // a small image, for a row; empty: it is a file
+};
+
+/// Writes the image of a complete frame: to memory if it is small, else to the job's output folder.
+/// `progress`: of the frame's passes. Reads blocks as needed.
 ///
 /// Errors: as FilmCache::mean_luminance() and those of writing a file.
-absl::StatusOr<FrameRecord> write_finished_frame(
+absl::StatusOr<FinishedFrame> write_finished_frame(
     FilmCache& film, Store& store, const FrameKey& key, const JobSpec& spec,
     const std::vector<BlockIndex::PassProgress>& progress);
 

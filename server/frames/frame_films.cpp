@@ -1,7 +1,6 @@
 #include "server/frames/frame_films.h"
 
 #include <algorithm>
-#include <fstream>
 #include <memory>
 #include <utility>
 
@@ -49,20 +48,22 @@ ReferenceReader FrameFilms::reference_reader(const JobSpec& spec, std::int32_t f
   const std::vector<std::int32_t> frames = contract::frame_list(spec.settings.frames);
   const auto index = std::find(frames.begin(), frames.end(), frame) - frames.begin();
   const contract::Digest& digest = spec.references[static_cast<std::size_t>(index)];
-  return [this, id = spec.id, path = store_.asset_path(digest),
-          width = std::int64_t{spec.settings.width}](
+  return [this, id = spec.id, digest, width = std::int64_t{spec.settings.width}](
              const contract::PixelRect& rect) -> absl::StatusOr<std::vector<float>> {
-    std::ifstream file(path, std::ios::binary);
+    const auto asset = store_.assets().open(digest);
+    absl::Status status = asset.status();
     const std::size_t row_floats = 4 * static_cast<std::size_t>(rect.width);
     std::vector<float> pixels(row_floats * static_cast<std::size_t>(rect.height));
-    for (std::int32_t row = 0; row < rect.height; ++row) {
-      file.seekg(((rect.y + row) * width + rect.x) * kReferencePixelBytes);
-      file.read(reinterpret_cast<char*>(&pixels[static_cast<std::size_t>(row) * row_floats]),
-                rect.width * kReferencePixelBytes);
+    for (std::int32_t row = 0; row < rect.height && status.ok(); ++row) {
+      char* const out =
+          reinterpret_cast<char*>(&pixels[static_cast<std::size_t>(row) * row_floats]);
+      status = asset->read_at(((rect.y + row) * width + rect.x) * kReferencePixelBytes,
+                              {out, row_floats * sizeof(float)});
     }
-    if (file) return pixels;
-    farm_.log(LogLevel::warn, absl::StrCat("job ", id, ": cannot read the reference: ", path));
-    return absl::DataLossError(path);
+    if (status.ok()) return pixels;
+    farm_.log(LogLevel::warn,
+              absl::StrCat("job ", id, ": cannot read the reference: ", status.ToString()));
+    return absl::DataLossError(status.message());
   };
 }
 

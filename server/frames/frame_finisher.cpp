@@ -3,8 +3,6 @@
 #include <chrono>
 
 #include "absl/strings/str_cat.h"
-#include "server/film/frame_summary.h"
-#include "server/frames/finished_frame.h"
 
 namespace tessera::server {
 
@@ -190,14 +188,16 @@ void FrameFinisher::finish(const FrameKey& key) {
     if (!redo_damaged(key, finished.status())) fail(key, finished.status());
     return;
   }
-  const auto row = std::make_shared<const FrameRecord>(*std::move(finished));
+  const auto frame = std::make_shared<const FinishedFrame>(*std::move(finished));
   pipeline_.post_write(
-      [this, key, row] {
+      [this, key, frame] {
         if (!may_record(key)) return absl::CancelledError("its units are rendered again");
-        return store_.finish_frame(key.job_id, *row);
+        return frame->image.empty()
+                   ? store_.finish_frame(key.job_id, frame->record)
+                   : store_.finish_small_frame(key.job_id, frame->record, frame->image);
       },
-      [this, key, row](const absl::Status& status) {
-        if (status.ok()) return note_finished(key, *row);
+      [this, key, frame](const absl::Status& status) {
+        if (status.ok()) return note_finished(key, *frame);
         if (!absl::IsCancelled(status)) fail(key, status);
       });
 }
@@ -214,13 +214,13 @@ bool FrameFinisher::may_record(const FrameKey& key) {
   return false;
 }
 
-void FrameFinisher::note_finished(const FrameKey& key, const FrameRecord& record) {
+void FrameFinisher::note_finished(const FrameKey& key, const FinishedFrame& frame) {
   FarmChange change(farm_);
   Job* job = change.find_job(key.job_id);
   if (job == nullptr) return;
   JobFilm& film = change.film(*job);
   film.finishing.erase(key.frame);
-  film.count_finished(record, read_frame_summary(record.statistics_json));
+  film.count_finished(frame.record, frame.summary);
   film.open_block_index(*job).erase(key.frame);
   change.note(EventKind::frame_finished, *job, "", absl::StrCat("frame ", key.frame));
   change.log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " finished"));

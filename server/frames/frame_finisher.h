@@ -13,6 +13,7 @@
 #include "contract/unit.h"
 #include "server/commit/commit_pipeline.h"
 #include "server/film/film_cache.h"
+#include "server/frames/finished_frame.h"
 #include "server/frames/frame_films.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
@@ -69,7 +70,7 @@ class FrameFinisher final : public EffectHandler {
   void estimate(const FrameKey& key);
   void finish(const FrameKey& key);
   bool may_record(const FrameKey& key);
-  void note_finished(const FrameKey& key, const FrameRecord& record);
+  void note_finished(const FrameKey& key, const FinishedFrame& frame);
   bool redo_damaged(const FrameKey& key, const absl::Status& status);
   void fail(const FrameKey& key, const absl::Status& status);
 

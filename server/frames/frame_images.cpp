@@ -66,8 +66,6 @@ absl::StatusOr<FrameFile> FrameImages::find_finished(const FrameQuery& query,
                                                      const FrameRecord& finished) {
   auto image = store_.row_image(query.job_id, query.frame);
   if (!image.ok()) return image.status();
-  const auto folder = store_.output_folder(query.job_id);
-  if (!folder.ok()) return folder.status();
   FrameFile file;
   file.file_sha256 = finished.file_sha256;
   file.pixels_sha256 = finished.pixels_sha256;
@@ -76,6 +74,8 @@ absl::StatusOr<FrameFile> FrameImages::find_finished(const FrameQuery& query,
     file.size_bytes = static_cast<std::int64_t>(file.bytes.size());
     return file;
   }
+  const auto folder = store_.output_folder(query.job_id);
+  if (!folder.ok()) return folder.status();
   if (*image) {
     file.path = new_temporary_path(*folder);
     file.is_temporary = true;

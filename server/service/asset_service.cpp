@@ -22,6 +22,10 @@ constexpr int kMaxAssets = 100'000;
 constexpr std::size_t kChunkBytes = 1 << 20;
 constexpr std::int64_t kMaxAssetBytes = std::int64_t{1} << 40;
 
+absl::Status no_such_asset() {
+  return absl::NotFoundError("the asset has not been uploaded; upload it and repeat");
+}
+
 /// Makes a finished upload durable here, so that the journal's thread finds nothing left to write:
 /// the sync of a large file takes seconds, in which no result would be acknowledged. After an error
 /// the file is deleted and never synced again.
@@ -34,8 +38,8 @@ absl::Status sync_upload(const std::string& path) {
   return absl::UnavailableError("the upload could not be written to disk; repeat it");
 }
 
-/// Writes received bytes to an upload file and publishes it if they match the announced digest. All
-/// work is done by the pool, one message at a time.
+/// Stores received bytes if they match the announced digest: small assets from memory, large ones
+/// from an upload file. All work is done by the pool, one message at a time.
 class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
  public:
   Upload(Coordinator& coordinator, const Access& access, IoPool& io,
@@ -80,6 +84,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
       return absl::InvalidArgumentError("chunk: more bytes than asset.size_bytes");
     }
     hasher_.update(chunk);
+    if (memory_) memory_->append(chunk);
     if (output_ && !output_->write(chunk.data(), static_cast<std::streamsize>(chunk.size()))) {
       return write_error();
     }
@@ -99,6 +104,10 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     if (absl::Status status = access_.count_upload(caller_, size_bytes_); !status.ok()) {
       return status;
     }
+    if (size_bytes_ <= coordinator_.assets().max_row_bytes()) {
+      memory_.emplace();
+      return absl::OkStatus();
+    }
     const auto path = coordinator_.assets().new_upload_path();
     if (!path.ok()) return path.status();
     path_ = *path;
@@ -113,6 +122,11 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
       return fail(absl::StrCat("received ", received_bytes_, " of ", size_bytes_, " bytes"));
     }
     if (hasher_.finish() != *digest_) return fail("the bytes do not match asset.sha256");
+    if (memory_) {
+      return coordinator_.assets().add_asset(
+          *digest_, *std::move(memory_),
+          [this](const absl::Status& status) { Finish(contract::to_rpc(status)); });
+    }
     if (!output_) return Finish(grpc::Status::OK);
     output_->close();
     if (output_->fail()) {
@@ -144,8 +158,10 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   std::optional<contract::Digest> digest_;
   std::int64_t size_bytes_ = 0, received_bytes_ = 0;
   contract::Hasher hasher_;
+  // None of them: the asset already exists.
+  std::optional<std::string> memory_;
   std::string path_;
-  std::optional<std::ofstream> output_;  // none: the asset already exists
+  std::optional<std::ofstream> output_;
   bool is_published_ = false;
 };
 
@@ -153,39 +169,42 @@ class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse
  public:
   explicit Download(IoPool& io) : io_(io) {}
 
-  void start(const std::string& path) {
-    io_.post([this, path] {
-      input_.open(path, std::ios::binary);
-      if (input_) return send_next(true);
-      Finish(contract::to_rpc(
-          absl::NotFoundError("the asset has not been uploaded; upload it and repeat")));
+  void start(AssetCatalog& assets, const contract::Digest& digest) {
+    io_.post([this, &assets, digest] {
+      if (assets.has_asset(digest)) input_ = assets.open_asset(digest);
+      if (input_.ok()) return send_next();
+      Finish(
+          contract::to_rpc(absl::IsNotFound(input_.status()) ? no_such_asset() : input_.status()));
     });
   }
 
   void OnWriteDone(bool ok) override {
     if (!ok) return Finish(contract::to_rpc(absl::CancelledError("client disconnected")));
-    io_.post([this] { send_next(false); });
+    io_.post([this] { send_next(); });
   }
 
   void OnDone() override { delete this; }
 
  private:
   /// An empty asset is one empty message.
-  void send_next(bool is_first) {
+  void send_next() {
+    const std::int64_t left = input_->size() - offset_;
+    if (left == 0 && has_sent_) return Finish(grpc::Status::OK);
     std::string& chunk = *response_.mutable_chunk();
-    chunk.resize(kChunkBytes);
-    input_.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
-    chunk.resize(static_cast<std::size_t>(input_.gcount()));
-    if (input_.bad()) {
+    chunk.resize(std::min(kChunkBytes, static_cast<std::size_t>(left)));
+    if (!input_->read_at(offset_, chunk).ok()) {
       return Finish(
           contract::to_rpc(absl::DataLossError("cannot read the stored asset; upload it again")));
     }
-    if (chunk.empty() && !is_first) return Finish(grpc::Status::OK);
+    offset_ += static_cast<std::int64_t>(chunk.size());
+    has_sent_ = true;
     StartWrite(&response_);
   }
 
   IoPool& io_;
-  std::ifstream input_;
+  absl::StatusOr<AssetReader> input_ = no_such_asset();
+  std::int64_t offset_ = 0;
+  bool has_sent_ = false;
   v1::DownloadAssetResponse response_;
 };
 
@@ -245,11 +264,10 @@ grpc::ServerWriteReactor<v1::DownloadAssetResponse>* AssetService::DownloadAsset
   } else if (!digest) {
     download->Finish(
         contract::to_rpc(absl::InvalidArgumentError("asset.sha256: expected 32 bytes")));
-  } else if (!may_read(*caller, *digest) || !coordinator_.assets().has_asset(*digest)) {
-    download->Finish(contract::to_rpc(
-        absl::NotFoundError("the asset has not been uploaded; upload it and repeat")));
+  } else if (!may_read(*caller, *digest)) {
+    download->Finish(contract::to_rpc(no_such_asset()));
   } else {
-    download->start(coordinator_.assets().asset_path(*digest));
+    download->start(coordinator_.assets(), *digest);
   }
   return download;
 }

@@ -70,20 +70,9 @@ absl::Status DiskStore::write_together(const std::function<void()>& body) {
   at_any_cost_ = false;
   absl::Status status = journal_->write_together(body);
   if (absl::IsResourceExhausted(status) && at_any_cost_ && ballast_.give_up()) {
-    after_together_.clear();
     status = journal_->write_together(body);
   }
-  const auto actions = std::exchange(after_together_, {});
-  if (!status.ok()) return status;
-  for (const auto& action : actions) status.Update(action());
   return status;
-}
-
-/// Does what must follow a write that is durable: now, or at the end of write_together().
-absl::Status DiskStore::after_write(std::function<absl::Status()> action) {
-  if (!journal_->is_together()) return action();
-  after_together_.push_back(std::move(action));
-  return absl::OkStatus();
 }
 
 absl::Status DiskStore::add_job(JobRecord& job) {
@@ -158,7 +147,7 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
-  return after_write([this, job_id, bytes = *freed] {
+  return journal_->after_write([this, job_id, bytes = *freed] {
     job_bytes_.erase(job_id);
     content_bytes_ -= bytes;
     absl::Status removed = segments_.remove_job(job_id);
@@ -227,7 +216,7 @@ absl::Status DiskStore::commit(std::vector<Commit>& group) {
     job_bytes_[commit.job_id] += commit.record.stored_bytes;
     if (commit.record.segment != kInRow) added += commit.record.stored_bytes;
   }
-  return after_write([this, added] {
+  return journal_->after_write([this, added] {
     content_bytes_ += added;
     return absl::OkStatus();
   });
@@ -433,7 +422,7 @@ absl::Status DiskStore::close_job(const std::string& job_id) {
     return rows.run("DELETE FROM segments WHERE job=?", {job->sequence});
   });
   if (!status.ok()) return status;
-  return after_write([this, job_id, bytes = *freed, end = job->next_segment] {
+  return journal_->after_write([this, job_id, bytes = *freed, end = job->next_segment] {
     job_bytes_.erase(job_id);
     content_bytes_ -= bytes;
     return segments_.release(job_id, end);
@@ -465,28 +454,6 @@ absl::StatusOr<std::vector<UnitTotals>> DiskStore::totals(const std::string& job
   return totals;
 }
 
-absl::StatusOr<std::string> DiskStore::new_upload_path() {
-  return assets_->new_upload_path(boot_count_);
-}
-
-absl::Status DiskStore::publish_asset(const std::string& upload_path,
-                                      const contract::Digest& digest) {
-  return assets_->publish(upload_path, digest);
-}
-
-std::string DiskStore::asset_path(const contract::Digest& digest) const {
-  return assets_->path(digest);
-}
-
-absl::Status DiskStore::release_assets(const std::vector<contract::Digest>& digests) {
-  return assets_->release(digests);
-}
-
-absl::Status DiskStore::collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
-                                       const std::vector<contract::Digest>& named) {
-  return assets_->collect(now_us, quota_bytes, named);
-}
-
 std::int64_t DiskStore::free_bytes() const {
   std::error_code error;
   const std::filesystem::space_info space = std::filesystem::space(folder_, error);
@@ -494,7 +461,7 @@ std::int64_t DiskStore::free_bytes() const {
 }
 
 std::int64_t DiskStore::used_bytes() const {
-  return content_bytes_ + assets_->used_bytes() + journal_->used_bytes();
+  return content_bytes_ + assets_->file_bytes() + journal_->used_bytes();
 }
 
 absl::StatusOr<DiskStore::JobRow> DiskStore::find_job(const std::string& job_id) const {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "server/store/asset_files.h"
+#include "server/store/disk_assets.h"
 #include "server/store/files/ballast.h"
 #include "server/store/files/durable_files.h"
 #include "server/store/files/segments.h"
@@ -20,10 +20,9 @@ namespace tessera::server {
 /// The store in a directory (see Store):
 ///
 ///   lock               held by the process that uses the store
-///   store.db           rows, small film blocks, small images; -wal and -shm beside it are SQLite's
-///   segments/JOB/N.seg film blocks
-///   assets/ab/cdef…    assets by digest; assets/upload: incomplete uploads
-///   outputs/JOB/…      finished images
+///   store.db           rows, small film blocks, images and assets; -wal and -shm beside it are
+///   SQLite's segments/JOB/N.seg film blocks assets/ab/cdef…    large assets by digest;
+///   assets/upload: incomplete uploads outputs/JOB/…      large finished images
 ///
 ///   ballast, ballast.start  space that is given up when the disk is full
 ///   backup-…           hard links of a backup that is running
@@ -61,6 +60,9 @@ class DiskStore final : public Store {
 
   absl::StatusOr<std::string> output_folder(const std::string& job_id) override;
   absl::Status finish_frame(const std::string& job_id, const FrameRecord& frame) override;
+  std::int64_t max_row_image_bytes() const override { return options_.row_image_bytes; }
+  absl::Status finish_small_frame(const std::string& job_id, const FrameRecord& frame,
+                                  const std::string& image) override;
   absl::Status update_statistics(const std::string& job_id, std::int32_t frame,
                                  const std::string& statistics_json) override;
   absl::StatusOr<std::optional<std::string>> row_image(const std::string& job_id,
@@ -69,14 +71,8 @@ class DiskStore final : public Store {
   absl::Status close_job(const std::string& job_id) override;
   absl::StatusOr<std::vector<UnitTotals>> totals(const std::string& job_id) const override;
 
-  bool has_asset(const contract::Digest& digest) const override { return assets_->has(digest); }
-  absl::StatusOr<std::string> new_upload_path() override;
-  absl::Status publish_asset(const std::string& upload_path,
-                             const contract::Digest& digest) override;
-  std::string asset_path(const contract::Digest& digest) const override;
-  absl::Status release_assets(const std::vector<contract::Digest>& digests) override;
-  absl::Status collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
-                              const std::vector<contract::Digest>& named) override;
+  AssetStore& assets() override { return *assets_; }
+  const AssetStore& assets() const override { return *assets_; }
 
   absl::Status add_worker(const std::string& worker_id, const std::string& name) override;
   absl::Status remove_worker(const std::string& worker_id) override;
@@ -91,7 +87,6 @@ class DiskStore final : public Store {
   absl::Status save_settings(SettingKind kind, const Settings& settings) override;
   absl::StatusOr<Settings> settings(SettingKind kind) const override;
 
-  std::int64_t asset_bytes() const override { return assets_->used_bytes(); }
   std::int64_t free_bytes() const override;
   std::int64_t used_bytes() const override;
 
@@ -100,6 +95,13 @@ class DiskStore final : public Store {
   struct JobRow {
     std::int64_t sequence = 0;
     std::int64_t next_segment = 0;  // unused, and above every released segment
+  };
+
+  /// The image of a finished frame.
+  struct Image {
+    std::string_view row;         // without a file
+    std::string path;             // of the file, or of one that the row replaces
+    std::int64_t file_bytes = 0;  // 0: it is a row
   };
 
   DiskStore(std::string folder, Filesystem& filesystem, StoreOptions options);
@@ -112,7 +114,6 @@ class DiskStore final : public Store {
   /// Writes rows; on a full disk once more without the ballast, with others of the same
   /// write_together().
   absl::Status write_at_any_cost(const std::function<absl::Status(Database&)>& body);
-  absl::Status after_write(std::function<absl::Status()> action);
   absl::StatusOr<JobRow> find_job(const std::string& job_id) const;
   bool fits_rows(const std::string& job_id, const std::vector<Commit*>& units) const;
   absl::Status append_job(const std::string& job_id, const JobRow& job,
@@ -126,7 +127,10 @@ class DiskStore final : public Store {
   static absl::Status insert_units(Database& rows, const JobRow& job,
                                    const std::vector<Commit*>& units);
   absl::StatusOr<std::string> read_row_block(std::int64_t id) const;
-  absl::Status sync_output(const std::string& job_id, File& output);
+  absl::StatusOr<std::string> output_path(const std::string& job_id,
+                                          const FrameRecord& frame) const;
+  absl::StatusOr<std::int64_t> sync_output(const std::string& job_id, const std::string& path);
+  absl::Status write_frame(std::int64_t job, const FrameRecord& frame, const Image& image);
   absl::StatusOr<std::vector<std::string>> read_ids(std::string_view sql) const;
   absl::StatusOr<std::int64_t> sum_bytes(std::string_view sql, std::int64_t job) const;
 
@@ -138,12 +142,11 @@ class DiskStore final : public Store {
   std::unique_ptr<FileLock> lock_;
   std::unique_ptr<Journal> journal_;
   Segments segments_;
-  std::unique_ptr<AssetFiles> assets_;
+  std::unique_ptr<DiskAssets> assets_;
   std::string id_, key_;
   std::int64_t boot_count_ = 0;
-  std::atomic<std::int64_t> content_bytes_ = 0;                // segments and finished frames
-  std::vector<std::function<absl::Status()>> after_together_;  // once the transaction is durable
-  bool at_any_cost_ = false;  // write_together() includes a write_at_any_cost()
+  std::atomic<std::int64_t> content_bytes_ = 0;  // segments and finished frames
+  bool at_any_cost_ = false;                     // write_together() includes a write_at_any_cost()
   // Bytes of blocks that this process has committed, by jobs that are not closed; writer only.
   std::map<std::string, std::int64_t> job_bytes_;
 };

@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "contract/digest.h"
 #include "contract/unit.h"
+#include "server/store/asset_store.h"
 #include "server/store/files/filesystem.h"
 
 namespace tessera::server {
@@ -88,9 +89,10 @@ struct Commit {
 struct StoreOptions {
   /// Size at which a segment file is closed and a new one started.
   std::int64_t segment_bytes = std::int64_t{256} << 20;
-  /// Sizes up to which a block and an image are stored in the database, where a group of them needs
-  /// one sync, and the total of such blocks of a job; larger ones have files. 0: always files.
-  std::int64_t row_block_bytes = 16 << 10, row_image_bytes = 64 << 10;
+  /// Sizes up to which a block, an image and an asset are stored in the database, where a group of
+  /// them needs one sync, and the total of such blocks of a job; larger ones have files. 0: always
+  /// files.
+  std::int64_t row_block_bytes = 16 << 10, row_image_bytes = 64 << 10, row_asset_bytes = 64 << 10;
   std::int64_t row_blocks_per_job_bytes = 128 << 10;
   /// Pages of SQLite's write-ahead log at which it is copied into the database file.
   int checkpoint_pages = 2000;
@@ -114,8 +116,8 @@ struct StoreOptions {
 };
 
 /// The coordinator's durable state in one directory: SQLite rows, append-only segment files of film
-/// blocks per job, assets, and finished images. Small blocks and images are in rows, so that many
-/// small jobs share a sync.
+/// blocks per job, assets, and finished images. Small blocks, images and assets are in rows, so
+/// that many small jobs share a sync.
 ///
 /// Order of a commit: append blocks, fdatasync, commit rows (fsync by SQLite), return. A failed
 /// fsync is never retried: the process ends (docs/explanation/fault-tolerance.md). One thread at a
@@ -140,8 +142,7 @@ class Store {
 
   /// Runs `body`, whose calls of writing functions make up one transaction with one sync of the
   /// journal: "durable on return" then means on return of this function. A call that fails leaves
-  /// the others. On a full disk, a body that removes jobs may run twice. Not for publish_asset()
-  /// and collect_assets(); not within another.
+  /// the others. On a full disk, a body that removes jobs may run twice. Not within another.
   ///
   /// Errors: ResourceExhausted, the disk is full, and those of a write; then nothing is written,
   /// whatever the calls returned.
@@ -192,11 +193,15 @@ class Store {
   /// InvalidArgument, not a valid job ID.
   virtual absl::StatusOr<std::string> output_folder(const std::string& job_id) = 0;
   /// Records a finished frame whose file is complete in the output directory; durable on return.
-  /// Syncs file and directory first, or, if the file is small, moves its contents into a row.
-  /// Replaces an earlier record of the frame.
+  /// Syncs file and directory first. Replaces an earlier record of the frame.
   ///
   /// Errors: NotFound, no such job or file; InvalidArgument, `file` is not a plain file name.
   virtual absl::Status finish_frame(const std::string& job_id, const FrameRecord& frame) = 0;
+  /// Size up to which an image is a row, 0: none. Any thread.
+  virtual std::int64_t max_row_image_bytes() const = 0;
+  /// The same for a small image, which becomes a row without a file. Errors: as finish_frame().
+  virtual absl::Status finish_small_frame(const std::string& job_id, const FrameRecord& frame,
+                                          const std::string& image) = 0;
   /// Rewrites the statistics of a finished frame. Errors: NotFound.
   virtual absl::Status update_statistics(const std::string& job_id, std::int32_t frame,
                                          const std::string& statistics_json) = 0;
@@ -212,22 +217,8 @@ class Store {
   /// Returns the sums of close_job() by worker ID. An unknown job has none.
   virtual absl::StatusOr<std::vector<UnitTotals>> totals(const std::string& job_id) const = 0;
 
-  // Assets.
-  virtual bool has_asset(const contract::Digest& digest) const = 0;
-  /// Returns a file to write an upload to; visible only after publish_asset. Any thread.
-  virtual absl::StatusOr<std::string> new_upload_path() = 0;
-  /// Publishes a complete, verified upload: fsync, rename, fsync of the directory. collect_assets()
-  /// spares it for an hour. The upload's file no longer exists afterwards.
-  virtual absl::Status publish_asset(const std::string& upload_path,
-                                     const contract::Digest& digest) = 0;
-  virtual std::string asset_path(const contract::Digest& digest) const = 0;
-  /// Records that a removed job used these assets until now.
-  virtual absl::Status release_assets(const std::vector<contract::Digest>& digests) = 0;
-  /// Deletes least recently used assets (by release, else upload) until the rest take at most
-  /// `quota_bytes`. Spares assets uploaded within the hour before `now_us` and those in `named`,
-  /// which jobs refer to.
-  virtual absl::Status collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
-                                      const std::vector<contract::Digest>& named) = 0;
+  virtual AssetStore& assets() = 0;
+  virtual const AssetStore& assets() const = 0;
 
   // Workers: roster, bans, joins.
   virtual absl::Status add_worker(const std::string& worker_id, const std::string& name) = 0;
@@ -252,8 +243,6 @@ class Store {
   virtual absl::Status save_settings(SettingKind kind, const Settings& settings) = 0;
   virtual absl::StatusOr<Settings> settings(SettingKind kind) const = 0;
 
-  /// Returns the disk space of published assets. Any thread.
-  virtual std::int64_t asset_bytes() const = 0;
   /// Returns the free space of the disk, for this process; 0 if it cannot be told. Any thread.
   virtual std::int64_t free_bytes() const = 0;
   /// Returns the disk space of segments, assets, finished frames and database, without unfinished

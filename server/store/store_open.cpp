@@ -146,8 +146,9 @@ absl::Status DiskStore::start() {
 }
 
 absl::Status DiskStore::clean_up() {
-  assets_ = std::make_unique<AssetFiles>(files_, *journal_, absl::StrCat(folder_, "/assets"),
-                                         options_.now_us, options_.warn);
+  assets_ = std::make_unique<DiskAssets>(
+      files_, *journal_, absl::StrCat(folder_, "/assets"),
+      DiskAssets::Options{options_.row_asset_bytes, boot_count_, options_.now_us, options_.warn});
   if (absl::Status cleaned = assets_->clean_up(); !cleaned.ok()) return cleaned;
   std::set<std::pair<std::string, std::int64_t>> known_segments;
   absl::Status status = journal_->read([&](Database& rows) {

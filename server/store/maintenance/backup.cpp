@@ -139,7 +139,8 @@ class Backup {
           "SELECT 'outputs/' || id || '/' || file FROM frames JOIN jobs ON job=sequence "
           "WHERE bytes > 0",
           "SELECT 'assets/' || substr(lower(hex(sha256)), 1, 2) || '/' || "
-          "substr(lower(hex(sha256)), 3) FROM assets"}) {
+          "substr(lower(hex(sha256)), 3) FROM assets "
+          "WHERE sha256 NOT IN (SELECT sha256 FROM asset_contents)"}) {
       absl::Status listed =
           rows.each(sql, {}, [&](const SqlRow& row) { files_.push_back(row.text(0)); });
       if (!listed.ok()) return listed;

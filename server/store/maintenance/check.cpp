@@ -215,20 +215,38 @@ class Check {
   }
 
   absl::Status look_at_assets() {
-    std::set<std::string> known;
+    std::set<std::string> known;  // files
     absl::Status status = rows_.each(
-        "SELECT lower(hex(sha256)), bytes, sha256 FROM assets", {}, [&](const SqlRow& row) {
+        "SELECT lower(hex(sha256)), bytes, sha256, contents "
+        "FROM assets LEFT JOIN asset_contents USING (sha256)",
+        {}, [&](const SqlRow& row) {
           ++findings_.assets;
           const std::string hex = row.text(0);
+          if (!row.is_null(3)) return look_at_row_asset(row);
           known.insert(hex);
           check_file(absl::StrCat("assets/", hex.substr(0, 2), "/",
                                   hex.substr(std::min<std::size_t>(2, hex.size()))),
                      row.integer(1), row.bytes(2));
         });
+    status.Update(rows_.each(
+        "SELECT lower(hex(sha256)) FROM asset_contents "
+        "WHERE sha256 NOT IN (SELECT sha256 FROM assets)",
+        {},
+        [&](const SqlRow& row) { fault("contents of asset ", row.text(0), ": no such asset"); }));
     each_file("assets", [&](const std::string& folder, const std::string& name) {
       return known.count(folder + name) > 0;
     });
     return status;
+  }
+
+  /// `asset`: a row of look_at_assets() without a file.
+  void look_at_row_asset(const SqlRow& asset) {
+    const std::string name = absl::StrCat("asset ", asset.text(0));
+    const std::string_view contents = asset.bytes(3);
+    if (static_cast<std::int64_t>(contents.size()) != asset.integer(1)) {
+      return fault(name, ": has ", contents.size(), " bytes, its row says ", asset.integer(1));
+    }
+    if (contract::sha256(contents).binary() != asset.bytes(2)) fault(name, ": digest mismatch");
   }
 
   void check_file(const std::string& name, std::int64_t bytes, std::string_view sha256) {

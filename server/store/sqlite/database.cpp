@@ -85,6 +85,10 @@ double SqlRow::real(int column) const {
   return sqlite3_column_double(statement_, column);
 }
 
+bool SqlRow::is_null(int column) const {
+  return sqlite3_column_type(statement_, column) == SQLITE_NULL;
+}
+
 std::string_view SqlRow::bytes(int column) const {
   const auto* data = static_cast<const char*>(sqlite3_column_blob(statement_, column));
   const int size = sqlite3_column_bytes(statement_, column);

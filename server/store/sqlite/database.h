@@ -30,6 +30,7 @@ class SqlRow {
   explicit SqlRow(sqlite3_stmt* statement) : statement_(statement) {}
   std::int64_t integer(int column) const;
   double real(int column) const;
+  bool is_null(int column) const;
   std::string_view bytes(int column) const;  // text or blob
   std::string text(int column) const { return std::string(bytes(column)); }
 

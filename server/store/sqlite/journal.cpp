@@ -49,9 +49,19 @@ absl::Status Journal::write_together(const std::function<void()>& body) {
     is_together_ = false;
     return absl::OkStatus();
   }));
+  const auto actions = std::exchange(after_together_, {});
   if (!status.ok()) return status;
   files_.note_sync(writer_->commit_seconds());
-  return maintain();
+  status = maintain();
+  if (!status.ok()) return status;
+  for (const auto& action : actions) status.Update(action());
+  return status;
+}
+
+absl::Status Journal::after_write(std::function<absl::Status()> action) {
+  if (!is_together_) return action();
+  after_together_.push_back(std::move(action));
+  return absl::OkStatus();
 }
 
 /// The write is durable, so only a failed sync is an error. Maintenance that fails otherwise, for

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
@@ -35,10 +36,12 @@ class Journal {
   /// Runs `body`, whose calls of write() are parts of one transaction, durable on return; a part
   /// that fails leaves the others. On the writing thread; not within another.
   ///
-  /// Errors: those of Database; then nothing has changed, whatever the parts returned.
+  /// Errors: those of Database; then nothing has changed, whatever the parts returned. Those of
+  /// actions that follow; then all parts are durable.
   absl::Status write_together(const std::function<void()>& body);
-  /// Whether write_together() runs.
-  bool is_together() const { return is_together_; }
+  /// Does what must follow the last write, once that is durable: now, or at the end of
+  /// write_together(), and not at all if that fails. Returns the outcome of what is done now.
+  absl::Status after_write(std::function<absl::Status()> action);
 
   /// Runs queries. Any thread, one at a time; `body` must not call the journal.
   absl::Status read(const std::function<absl::Status(Database&)>& body) const;
@@ -62,7 +65,8 @@ class Journal {
   std::unique_ptr<Database> writer_;
   mutable Mutex reader_mutex_;
   std::unique_ptr<Database> reader_ ABSL_PT_GUARDED_BY(reader_mutex_);
-  bool is_together_ = false;
+  bool is_together_ = false;  // write_together() runs
+  std::vector<std::function<absl::Status()>> after_together_;
   std::int64_t page_count_ = 0, free_page_count_ = 0;
   std::atomic<std::int64_t> used_bytes_ = 0;
 };

@@ -122,6 +122,11 @@ CREATE TABLE settings(  -- of the farm
   value TEXT NOT NULL,
   PRIMARY KEY (kind, name)) WITHOUT ROWID;
 )sql",
+    R"sql(
+CREATE TABLE asset_contents(  -- of small assets, which have no file
+  sha256 BLOB PRIMARY KEY,
+  contents BLOB NOT NULL);
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);

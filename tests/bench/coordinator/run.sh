@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Measures a coordinator: durable small results per second, bytes per second of large results, memory per
-# connected worker, a 16k x 16k frame within 2 GiB, and small jobs per second. Simulated workers in other processes
-# use gRPC; the image of a large job is compared with the pixels that follow from the fabricated blocks.
+# connected worker, a 16k x 16k frame within 2 GiB, small jobs per second, and `tessera submit` of small scenes,
+# which a real worker renders. Simulated workers in other processes use gRPC; the image of a large job is compared
+# with the pixels that follow from the fabricated blocks.
 #
-#   tests/bench/coordinator/run.sh [small|bulk|connected|large|jobs]…    default: the first three
+#   tests/bench/coordinator/run.sh [small|bulk|connected|large|jobs|lease|submit]…    default: the first three
 #
 # BIN: directory of tessera-server and the bench programs (build/dev/bin). STORE: empty directory for the
 # stores, on a real file system (tmpfs is refused, because syncs cost nothing there).
@@ -57,9 +58,18 @@ stop_all() {
   wait "${simulators[@]}" || true
   simulators=()
   rss_peak=$(awk '/VmHWM/ {print int($2 / 1024)}' "/proc/$server_pid/status")
+  server_cpu=$(cpu_seconds "$server_pid")
   kill -TERM "$server_pid"
   wait "$server_pid" || true
   server_pid=
+}
+
+# cpu_seconds PID: prints the CPU seconds that a process has used.
+cpu_seconds() { awk -v hz="$(getconf CLK_TCK)" '{sub(/.*\) /, ""); print ($12 + $13) / hz}' "/proc/$1/stat"; }
+
+# lease_times: prints the times from granting credits to the next leases of each process of simulators.
+lease_times() {
+  echo "from credits to leases $(grep -ho '"lease_p.*[0-9]' "$folder"/sim*.json | tr '\n' ';')"
 }
 
 rss_mb() { awk '/VmRSS/ {print $2 / 1024}' "/proc/$server_pid/status"; }
@@ -112,18 +122,55 @@ bench_large() {
   summary "a frame of 16384 x 16384"
 }
 
-# Jobs of four units each, first with an empty queue, then with jobs waiting that no worker can serve.
+# Jobs of four units each: as many as possible with an empty queue, then with jobs waiting that no worker can
+# serve, then RATE a second with those.
 bench_jobs() {
-  local queued
-  for queued in 0 ${QUEUED:-100000}; do
+  local queued rate
+  for queued in 0 ${QUEUED:-100000} ${QUEUED:-100000}/${RATE:-500}; do
+    rate=0
+    case $queued in */*) rate=${queued#*/} queued=${queued%/*} ;; esac
     server
     simulate 2 4 64
     echo "small jobs: $("$BIN/bench_coordinator_small_jobs" --server "unix:$folder/s" \
-      --jobs "${JOBS:-10000}" --queued "$queued")"
+      --jobs "${JOBS:-10000}" --queued "$queued" --rate "$rate"); load average $(cut -d' ' -f1 /proc/loadavg)"
     stop_all
-    echo "small jobs: server at most $rss_peak MiB"
+    echo "small jobs: server at most $rss_peak MiB, $server_cpu CPU seconds for all jobs; $(lease_times)"
     rm -rf "${folder:?}"/*
   done
+}
+
+# SUBMITS scenes, one after another, over TCP.
+bench_submit() {
+  local address worker
+  "$BIN/tessera-server" --listen 127.0.0.1:0 --store "$folder/store" >"$folder/address" 2>"$folder/server.log" &
+  server_pid=$!
+  until grep -q : "$folder/address"; do
+    kill -0 "$server_pid" || { cat "$folder/server.log" >&2; exit 1; }
+    sleep 0.05
+  done
+  address=$(cat "$folder/address")
+  "$BIN/tessera-worker" --server "$address" --token "$folder/store/token" --name one --threads 1 \
+    --cache "$folder/cache" >"$folder/worker.log" 2>&1 &
+  simulators=($!)
+  until grep -q connected "$folder/server.log" "$folder/worker.log"; do sleep 0.05; done
+  tests/bench/coordinator/submits.py --bin "$BIN" --server "$address" --token "$folder/store/token" \
+    --scene tests/scenes/lit_square.gltf --count "${SUBMITS:-300}" --scratch "$folder"
+  echo "load average $(cut -d' ' -f1 /proc/loadavg)"
+  kill "${simulators[@]}" "$server_pid"
+  wait "${simulators[@]}" "$server_pid" || true
+  simulators=() server_pid=
+  rm -rf "${folder:?}"/*
+}
+
+# Leases of a large job behind jobs that no worker can serve.
+bench_lease() {
+  server
+  simulate 2 4 16
+  "$BIN/bench_coordinator_small_jobs" --server "unix:$folder/s" --jobs 1 --queued "${QUEUED:-100000}" >/dev/null
+  job --width 2048 --height 1024 --tile 8 --spp 8
+  stop_all
+  echo "behind ${QUEUED:-100000} jobs: $(lease_times); $(cat "$folder/job.json")"
+  rm -rf "${folder:?}"/*
 }
 
 bench_connected() {

@@ -64,13 +64,15 @@ int run(const Options& options) {
   printf(
       "{\"workers\": %d, \"welcomed\": %lld, \"closed\": %lld, \"committed\": %lld, "
       "\"duplicate\": %lld, \"obsolete\": %lld, \"rejected\": %lld, \"bytes\": %lld, "
-      "\"first_lease_us\": %lld, \"last_commit_us\": %lld}\n",
+      "\"first_lease_us\": %lld, \"last_commit_us\": %lld, \"lease_p50_ms\": %.2f, "
+      "\"lease_p99_ms\": %.2f}\n",
       options.workers, static_cast<long long>(counters.welcomed),
       static_cast<long long>(counters.closed), static_cast<long long>(counters.committed),
       static_cast<long long>(counters.duplicate), static_cast<long long>(counters.obsolete),
       static_cast<long long>(counters.rejected), static_cast<long long>(counters.committed_bytes),
       static_cast<long long>(counters.first_lease_us),
-      static_cast<long long>(counters.last_commit_us));
+      static_cast<long long>(counters.last_commit_us), counters.lease.quantile_ms(0.5),
+      counters.lease.quantile_ms(0.99));
   fflush(stdout);
   _exit(0);  // streams are still open: a worker's crash is part of the protocol
 }

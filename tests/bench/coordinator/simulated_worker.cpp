@@ -23,6 +23,14 @@ std::int64_t now_us() {
 
 }  // namespace
 
+double Latencies::quantile_ms(double share) {
+  const std::lock_guard lock(mutex_);
+  if (microseconds_.empty()) return 0;
+  std::sort(microseconds_.begin(), microseconds_.end());
+  const auto index = static_cast<std::size_t>(share * static_cast<double>(microseconds_.size()));
+  return 1e-3 * static_cast<double>(microseconds_[std::min(index, microseconds_.size() - 1)]);
+}
+
 FilmShelf::FilmShelf(const std::shared_ptr<grpc::Channel>& channel, std::string token)
     : stub_(v1::WorkerService::NewStub(channel)), token_(std::move(token)) {}
 
@@ -180,10 +188,12 @@ void SimulatedWorker::on_event(const v1::WorkResponse& event) {
     counters_.first_lease_us.compare_exchange_strong(unset, now_us());
     {
       const std::lock_guard lock(mutex_);
+      if (granted_us_ > 0) counters_.lease.add(now_us() - std::exchange(granted_us_, 0));
       for (const v1::Lease& lease : event.leases().leases()) {
         for (std::int32_t k = 0; k < lease.tile_count(); ++k) {
           pending_.push_back({lease, lease.first_tile() + k});
         }
+        outstanding_ += lease.tile_count();
       }
     }
     deliver_->wake();
@@ -219,6 +229,11 @@ void SimulatedWorker::on_acknowledgements(const v1::AcknowledgementBatch& batch)
   }
   v1::WorkRequest message;
   message.mutable_credits()->set_unit_count(batch.acknowledgements_size());
+  {
+    const std::lock_guard lock(mutex_);
+    outstanding_ -= batch.acknowledgements_size();
+    if (granted_us_ == 0 && outstanding_ > 0) granted_us_ = now_us();
+  }
   work_->send(std::move(message));
 }
 

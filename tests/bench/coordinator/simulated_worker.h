@@ -8,11 +8,27 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <vector>
 
 #include "tessera/v1/worker_service.grpc.pb.h"
 #include "tests/bench/coordinator/simulated_block.h"
 
 namespace tessera::bench {
+
+/// Durations of one kind. Thread-safe.
+class Latencies {
+ public:
+  void add(std::int64_t microseconds) {
+    const std::lock_guard lock(mutex_);
+    microseconds_.push_back(microseconds);
+  }
+  /// Returns a quantile in milliseconds, 0 if there are none.
+  double quantile_ms(double share);
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::int64_t> microseconds_;
+};
 
 /// Counters of all simulated workers of a process.
 struct Counters {
@@ -20,6 +36,9 @@ struct Counters {
   std::atomic<std::int64_t> committed_bytes = 0;
   std::atomic<std::int64_t> first_lease_us = 0, last_commit_us = 0;  // monotonic clock
   std::atomic<std::int64_t> closed = 0;                              // streams the server ended
+  /// From granting credits to the next leases, for workers that still have units: others may wait
+  /// for a job.
+  Latencies lease;
 };
 
 /// Films by job ID, created when a job is first seen.
@@ -73,7 +92,9 @@ class SimulatedWorker {
 
   std::mutex mutex_;
   std::deque<PendingUnit> pending_;
-  std::string open_block_;  // too long for one message; sent up to open_offset_
+  std::int64_t outstanding_ = 0;  // leased units without acknowledgement
+  std::int64_t granted_us_ = 0;   // when credits were granted; 0: leases have come since
+  std::string open_block_;        // too long for one message; sent up to open_offset_
   std::size_t open_offset_ = 0;
   std::unique_ptr<WorkStream> work_;
   std::unique_ptr<DeliverStream> deliver_;

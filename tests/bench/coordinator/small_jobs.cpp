@@ -31,6 +31,7 @@ using Clock = std::chrono::steady_clock;
 struct Options {
   std::string server, token;
   int clients = 16, jobs = 10'000, queued = 0, open = 256;
+  double rate = 0;
 };
 
 double seconds(Clock::duration span) {
@@ -190,7 +191,12 @@ Outcome run_clients(const Options& options, const std::string& scene, OpenJobs& 
         open.reserve();
         const auto request =
             job_request(scene, "small-" + std::to_string(getpid()) + "-" + std::to_string(k));
-        const auto start = Clock::now();
+        auto start = Clock::now();
+        if (options.rate > 0) {  // from when it was due, so that a slow server is seen by all
+          const std::chrono::duration<double> due(k / options.rate);
+          start = outcome.start + std::chrono::duration_cast<Clock::duration>(due);
+          std::this_thread::sleep_until(start);
+        }
         const std::string id = create(*stub, options, request);
         times.push_back(seconds(Clock::now() - start));
         if (id.empty()) {
@@ -247,6 +253,7 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench
   app.add_option("--jobs", options.jobs, "jobs to create and finish")->capture_default_str();
   app.add_option("--queued", options.queued, "jobs created before, which no worker can serve")
       ->capture_default_str();
+  app.add_option("--rate", options.rate, "jobs a second, at most; 0: as many as possible");
   app.add_option("--open", options.open, "most jobs created and not finished")
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);

@@ -199,8 +199,12 @@ TEST_F(FarmTest, ImagesAreExportedAsPngAndJpeg) {
 
 // Assets ------------------------------------------------------------------------------------------
 
-TEST_F(FarmTest, OnlyVerifiedAssetsAreVisible) {
-  const std::string bytes(5000, 'x');
+/// Of small assets, which are rows, and of one that is a file of several chunks.
+class FarmAssetTest : public FarmTest, public ::testing::WithParamInterface<std::size_t> {};
+INSTANTIATE_TEST_SUITE_P(Bytes, FarmAssetTest, ::testing::Values(5'000, 65'536, 65'537, 2'500'000));
+
+TEST_P(FarmAssetTest, AppearsOnceVerified) {
+  const std::string bytes(GetParam(), 'x');
   const auto missing = [&] {
     grpc::ClientContext context;
     prepare(context);
@@ -212,7 +216,7 @@ TEST_F(FarmTest, OnlyVerifiedAssetsAreVisible) {
   };
   EXPECT_EQ(missing(), 1);
   EXPECT_EQ(upload(id_of(bytes), bytes.substr(1)).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(upload(id_of(bytes), std::string(5000, 'y')).error_code(),
+  EXPECT_EQ(upload(id_of(bytes), std::string(GetParam(), 'y')).error_code(),
             grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(upload(id_of(bytes), bytes + "x").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(missing(), 1);

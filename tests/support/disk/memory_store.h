@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "server/store/store.h"
+#include "tests/support/disk/memory_assets.h"
 
 namespace tessera::server {
 
@@ -17,7 +18,7 @@ namespace tessera::server {
 /// them; images are files in `folder`.
 class MemoryStore final : public Store {
  public:
-  explicit MemoryStore(std::string folder) : folder_(std::move(folder)) {}
+  explicit MemoryStore(const std::string& folder) : folder_(folder), assets_(folder) {}
 
   /// Makes commit(), finish_frame() and changes of a job's row fail with `status` from now on; OK
   /// ends it.
@@ -39,13 +40,9 @@ class MemoryStore final : public Store {
   }
   /// Number of committed groups.
   int group_count() const { return group_count_; }
-  void add_asset(const contract::Digest& digest) { assets_.insert(digest); }
   void reboot() { ++boot_count_; }
   void set_used_bytes(std::int64_t bytes) { used_bytes_ = bytes; }
-  void set_asset_bytes(std::int64_t bytes) { asset_bytes_ = bytes; }
   void set_free_bytes(std::int64_t bytes) { free_bytes_ = bytes; }
-  /// Number of calls of collect_assets().
-  int collection_count() const { return collection_count_; }
   /// Makes commits of this job fail with `status`.
   void fail_commits_of(const std::string& job_id, absl::Status status) {
     const std::lock_guard lock(mutex_);
@@ -186,6 +183,11 @@ class MemoryStore final : public Store {
     frames_[job_id][frame.frame] = frame;
     return absl::OkStatus();
   }
+  std::int64_t max_row_image_bytes() const override { return 0; }
+  absl::Status finish_small_frame(const std::string& job_id, const FrameRecord& frame,
+                                  const std::string&) override {
+    return finish_frame(job_id, frame);
+  }
   absl::Status update_statistics(const std::string& job_id, std::int32_t frame,
                                  const std::string& statistics_json) override {
     const std::lock_guard lock(mutex_);
@@ -228,30 +230,8 @@ class MemoryStore final : public Store {
     return totals;
   }
 
-  bool has_asset(const contract::Digest& digest) const override {
-    return assets_.count(digest) > 0;
-  }
-  absl::StatusOr<std::string> new_upload_path() override {
-    std::filesystem::create_directories(folder_);
-    return folder_ + "/upload";
-  }
-  absl::Status publish_asset(const std::string& upload_path,
-                             const contract::Digest& digest) override {
-    std::filesystem::rename(upload_path, asset_path(digest));
-    assets_.insert(digest);
-    return absl::OkStatus();
-  }
-  std::string asset_path(const contract::Digest& digest) const override {
-    return folder_ + "/" + digest.hex();
-  }
-  absl::Status release_assets(const std::vector<contract::Digest>&) override {
-    return absl::OkStatus();
-  }
-  absl::Status collect_assets(std::int64_t, std::int64_t,
-                              const std::vector<contract::Digest>&) override {
-    ++collection_count_;
-    return absl::OkStatus();
-  }
+  MemoryAssets& assets() override { return assets_; }
+  const MemoryAssets& assets() const override { return assets_; }
 
   absl::Status add_worker(const std::string& worker_id, const std::string&) override {
     const std::lock_guard lock(mutex_);
@@ -292,17 +272,16 @@ class MemoryStore final : public Store {
   absl::Status remove_stale_joins(const std::vector<std::string>&, std::int64_t) override {
     return absl::OkStatus();
   }
-  std::int64_t asset_bytes() const override { return asset_bytes_; }
   std::int64_t free_bytes() const override { return free_bytes_; }
   std::int64_t used_bytes() const override { return used_bytes_; }
 
  private:
   const std::string folder_;
+  MemoryAssets assets_;
   const std::string id_ = "0123456789abcdef0123456789abcdef";
   const std::string key_ = "thirty-two bytes of a secret key";
-  std::int64_t boot_count_ = 1, used_bytes_ = 0, asset_bytes_ = 0;
+  std::int64_t boot_count_ = 1, used_bytes_ = 0;
   std::int64_t free_bytes_ = std::int64_t{1} << 40;
-  int collection_count_ = 0;
   std::map<std::string, absl::Status> job_faults_;
   mutable std::mutex mutex_;
   absl::Status commit_fault_, transaction_fault_;
@@ -316,7 +295,6 @@ class MemoryStore final : public Store {
   std::map<std::string, std::map<std::int32_t, FrameRecord>> frames_;
   std::map<std::string, std::int32_t> removed_;  // states
   std::map<SettingKind, Settings> settings_;
-  std::set<contract::Digest> assets_;
   std::set<contract::Unit> damaged_;
 };
 

@@ -21,6 +21,7 @@ inline std::string sql_to_older_schema(std::int64_t version) {
       "ALTER TABLE jobs DROP COLUMN failure_code;",
       "DROP TABLE blocks; DROP TABLE images;",
       "DROP TABLE settings;",
+      "DROP TABLE asset_contents;",
   };
   std::string sql;
   for (std::int64_t step = schema_version() - 1; step >= version; --step) {

@@ -411,7 +411,7 @@ TEST_F(CoordinatorTest, JobNeedsAssetsAndDiskSpace) {
   const auto missing = create(spec);
   EXPECT_TRUE(absl::IsFailedPrecondition(missing.status()));
   EXPECT_NE(std::string(missing.status().message()).find("scene.gltf"), std::string::npos);
-  store.add_asset(spec.assets[0].digest);
+  ASSERT_TRUE(store.assets().add(spec.assets[0].digest, "scene").ok());
   store.set_used_bytes(options.quota_bytes - 1000);
   EXPECT_TRUE(absl::IsResourceExhausted(create(spec).status()));
   store.set_used_bytes(0);

@@ -220,12 +220,20 @@ TEST_F(FailedWriteTest, AssetsAreCollectedOnlyOverTheirQuota) {
     });
     pump();
   };
-  store.set_asset_bytes(1000);
+  const auto add = [&](const std::string& text) {
+    coordinator->assets().add_asset(contract::sha256(text), text,
+                                    [](const auto& status) { EXPECT_TRUE(status.ok()) << status; });
+    pump();
+  };
+  store.assets().set_used_bytes(1000);
   publish("a");
-  EXPECT_EQ(store.collection_count(), 0) << "blocks fill the store, not assets";
-  store.set_asset_bytes(1001);
-  publish("b");
-  EXPECT_EQ(store.collection_count(), 1);
+  add("b");
+  EXPECT_EQ(store.assets().collection_count(), 0) << "blocks fill the store, not assets";
+  store.assets().set_used_bytes(1001);
+  publish("c");
+  EXPECT_EQ(store.assets().collection_count(), 1);
+  add("d");
+  EXPECT_EQ(store.assets().collection_count(), 2);
 }
 
 }  // namespace

@@ -135,6 +135,25 @@ std::string bytes_of(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
+TEST_F(FrameWriterTest, FrameInMemoryIsThatOfTheFile) {
+  for (const bool half : {false, true}) {
+    spec_.settings.aovs = kAllAovs;
+    spec_.settings.half = half;
+    const FrameResult file = written(made_tiles(), "file.exr");
+    const absl::StatusOr<FrameResult> memory = encode_frame(spec_, made_tiles());
+    ASSERT_TRUE(memory.ok()) << memory.status();
+    EXPECT_EQ(memory->image, bytes_of(path("file.exr")));
+    EXPECT_EQ(memory->file_sha256, file.file_sha256);
+    EXPECT_EQ(memory->pixels_sha256, file.pixels_sha256);
+    EXPECT_EQ(memory->file_bytes, file.file_bytes);
+    EXPECT_TRUE(file.image.empty());
+  }
+  const contract::PixelRect window = spec_.settings.window();
+  const std::int64_t pixels = std::int64_t{window.width} * window.height;
+  spec_.settings.aovs = contract::kAovDepth | contract::kAovAlbedo;
+  EXPECT_EQ(raw_frame_bytes(spec_.settings), pixels * (4 * 2 + 3 * 2 + 4));
+}
+
 TEST_F(FrameWriterTest, EveryLayerRoundTripsExactly) {
   spec_.settings.aovs = kAllAovs;
   const FrameResult result = written(made_tiles(), "all.exr");

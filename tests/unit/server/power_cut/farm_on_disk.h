@@ -26,8 +26,8 @@ class FarmOnDisk {
   };
   using WorkerLog = std::map<UnitName, WorkerEntry>;
 
-  /// `uses_rows`: blocks and images are small enough for the database; otherwise they are files.
-  /// Requires: the folder `root` exists.
+  /// `uses_rows`: scene, blocks and images are small enough for the database; otherwise they are
+  /// files. Requires: the folder `root` exists.
   FarmOnDisk(const std::string& root, bool uses_rows);
   ~FarmOnDisk();
   FarmOnDisk(const FarmOnDisk&) = delete;

@@ -104,9 +104,9 @@ std::string restart_on(const DiskImage& image, const Life& life, int step, bool 
   FarmOnDisk farm(folder.path(), life.uses_rows);
   if (absl::Status started = farm.start(); !started.ok()) return started.ToString();
   const contract::Digest scene = farm.scene_digest();
-  const bool has_scene = farm.store().has_asset(scene);
+  const bool has_scene = farm.store().assets().has(scene);
   if (step >= life.asset_step && !has_scene) return "the scene is lost";
-  if (has_scene && contract::sha256(read_file(farm.store().asset_path(scene))) != scene) {
+  if (has_scene && contract::sha256(read_asset(farm.store(), scene)) != scene) {
     return "the scene is damaged";
   }
   const auto uploaded = farm.upload_scene();

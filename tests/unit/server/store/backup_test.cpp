@@ -43,9 +43,9 @@ class BackupTest : public ::testing::Test {
     frame.file_sha256 = contract::sha256("an image");
     EXPECT_TRUE(store_->finish_frame("done", frame).ok());
     EXPECT_TRUE(store_->close_job("done").ok());
-    const std::string upload = store_->new_upload_path().value();
+    const std::string upload = store_->assets().new_upload_path().value();
     write(upload, "an asset");
-    EXPECT_TRUE(store_->publish_asset(upload, contract::sha256("an asset")).ok());
+    EXPECT_TRUE(store_->assets().publish(upload, contract::sha256("an asset")).ok());
   }
 
   std::string path() const { return folder_.path() + "/store"; }

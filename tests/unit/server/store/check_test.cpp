@@ -40,10 +40,10 @@ class StoreCheckTest : public ::testing::Test {
     frame.file_sha256 = contract::sha256("an image");
     EXPECT_TRUE((*store)->finish_frame("done", frame).ok());
     EXPECT_TRUE((*store)->close_job("done").ok());
-    const std::string upload = (*store)->new_upload_path().value();
+    const std::string upload = (*store)->assets().new_upload_path().value();
     write(upload, "an asset");
-    EXPECT_TRUE((*store)->publish_asset(upload, contract::sha256("an asset")).ok());
-    asset_ = (*store)->asset_path(contract::sha256("an asset"));
+    EXPECT_TRUE((*store)->assets().publish(upload, contract::sha256("an asset")).ok());
+    asset_ = asset_file(path(), contract::sha256("an asset"));
   }
 
   std::string path() const { return folder_.path() + "/store"; }

@@ -262,11 +262,11 @@ TEST_F(DamageTest, FailedAssetOrImageSyncEndsProcess) {
   {
     const auto store = open(disk);
     ASSERT_TRUE(store.ok()) << store.status();
-    const std::string upload = *(*store)->new_upload_path();
+    const std::string upload = *(*store)->assets().new_upload_path();
     std::ofstream(upload) << "texture";
     disk.fail_syncs();
-    EXPECT_TRUE(absl::IsDataLoss((*store)->publish_asset(upload, contract::sha256("texture"))));
-    EXPECT_FALSE((*store)->has_asset(contract::sha256("texture")));
+    EXPECT_TRUE(absl::IsDataLoss((*store)->assets().publish(upload, contract::sha256("texture"))));
+    EXPECT_FALSE((*store)->assets().has(contract::sha256("texture")));
     EXPECT_EQ(deaths_.size(), 1U);
   }
   disk.recover();
@@ -346,20 +346,20 @@ TEST_F(DamageTest, LostOrTruncatedAssetIsUploadedAgain) {
   ASSERT_TRUE(store.ok()) << store.status();
   const contract::Digest digest = contract::sha256("texture");
   const auto publish = [&] {
-    const std::string upload = *(*store)->new_upload_path();
+    const std::string upload = *(*store)->assets().new_upload_path();
     std::ofstream(upload) << "texture";
-    return (*store)->publish_asset(upload, digest);
+    return (*store)->assets().publish(upload, digest);
   };
   ASSERT_TRUE(publish().ok());
   const std::int64_t used = (*store)->used_bytes();
-  std::filesystem::remove((*store)->asset_path(digest));
-  EXPECT_FALSE((*store)->has_asset(digest));
+  std::filesystem::remove(asset_file(path(), digest));
+  EXPECT_FALSE((*store)->assets().has(digest));
   ASSERT_TRUE(publish().ok());
-  EXPECT_TRUE((*store)->has_asset(digest));
-  std::filesystem::resize_file((*store)->asset_path(digest), 3);
-  EXPECT_FALSE((*store)->has_asset(digest));
+  EXPECT_TRUE((*store)->assets().has(digest));
+  std::filesystem::resize_file(asset_file(path(), digest), 3);
+  EXPECT_FALSE((*store)->assets().has(digest));
   ASSERT_TRUE(publish().ok());
-  EXPECT_TRUE((*store)->has_asset(digest));
+  EXPECT_TRUE((*store)->assets().has(digest));
   EXPECT_EQ((*store)->used_bytes(), used);
 }
 

@@ -60,6 +60,18 @@ std::string read_file(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
+std::string read_asset(Store& store, const contract::Digest& digest) {
+  const auto asset = store.assets().open(digest);
+  if (!asset.ok()) return "";
+  std::string bytes(static_cast<std::size_t>(asset->size()), '\0');
+  return asset->read_at(0, bytes).ok() ? bytes : "";
+}
+
+std::string asset_file(const std::string& folder, const contract::Digest& digest) {
+  const std::string hex = digest.hex();
+  return folder + "/assets/" + hex.substr(0, 2) + "/" + hex.substr(2);
+}
+
 void DurabilityChecker::make(const std::string& key, int step, Test test) {
   confirmations_.push_back({key, step, INT_MAX, std::move(test)});
 }
@@ -188,8 +200,8 @@ DurabilityChecker::Test has_frame(const std::string& job_id, const FrameRecord& 
 DurabilityChecker::Test has_asset(std::string bytes) {
   return [bytes = std::move(bytes)](Store& store) -> std::string {
     const contract::Digest digest = contract::sha256(bytes);
-    if (!store.has_asset(digest)) return "is lost";
-    return read_file(store.asset_path(digest)) == bytes ? "" : "has other bytes";
+    if (!store.assets().has(digest)) return "is lost";
+    return read_asset(store, digest) == bytes ? "" : "has other bytes";
   };
 }
 
@@ -218,7 +230,8 @@ DurabilityChecker::Test sequence_was_used(std::int64_t sequence) {
   };
 }
 
-std::string check_store(Store& store, const std::vector<std::string>& asset_bytes) {
+std::string check_store(Store& store, const std::string& folder,
+                        const std::vector<std::string>& asset_bytes) {
   std::int64_t sequence = 0;
   for (const JobRecord& job : all_jobs(store)) {
     if (job.sequence <= sequence) return "jobs are out of order";
@@ -228,8 +241,10 @@ std::string check_store(Store& store, const std::vector<std::string>& asset_byte
   }
   for (const std::string& bytes : asset_bytes) {
     const contract::Digest digest = contract::sha256(bytes);
-    const std::string found = read_file(store.asset_path(digest));
-    if (store.has_asset(digest) ? found != bytes : !found.empty()) {
+    const bool is_whole = store.assets().has(digest)
+                              ? read_asset(store, digest) == bytes
+                              : read_file(asset_file(folder, digest)).empty();
+    if (!is_whole) {
       return "asset " + digest.hex() + " is not whole";
     }
   }

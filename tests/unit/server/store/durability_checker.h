@@ -10,10 +10,10 @@
 
 namespace tessera::server {
 
-/// Options of a store that keeps blocks and images in files, however small they are.
+/// Options of a store that keeps blocks, images and assets in files, however small they are.
 inline StoreOptions files_only() {
   StoreOptions options;
-  options.row_block_bytes = options.row_image_bytes = 0;
+  options.row_block_bytes = options.row_image_bytes = options.row_asset_bytes = 0;
   return options;
 }
 
@@ -65,12 +65,19 @@ DurabilityChecker::Test booted_before(std::int64_t boot_count, const std::string
 DurabilityChecker::Test sequence_was_used(std::int64_t sequence);
 
 /// Invariants of any store at any time: rows point to complete data, ids are unique, no unexpected
-/// file is visible. Returns what is wrong, or an empty string.
-std::string check_store(Store& store, const std::vector<std::string>& asset_bytes);
+/// file is visible. `folder`: the store's. Returns what is wrong, or an empty string.
+std::string check_store(Store& store, const std::string& folder,
+                        const std::vector<std::string>& asset_bytes);
 
 /// Everything that a store contains, one fact per line.
 std::vector<std::string> facts(Store& store);
 
 std::string read_file(const std::string& path);
+
+/// Returns the bytes of an asset; empty if it cannot be read.
+std::string read_asset(Store& store, const contract::Digest& digest);
+
+/// Returns the path of the file of a large asset.
+std::string asset_file(const std::string& folder, const contract::Digest& digest);
 
 }  // namespace tessera::server

@@ -154,14 +154,20 @@ class Coordinator {
   }
 
   void upload(const std::string& bytes) {
-    const auto path = store_->new_upload_path();
+    const auto path = store_->assets().new_upload_path();
     ASSERT_TRUE(path.ok());
     auto file = disk_.open(*path);
     ASSERT_TRUE(file.ok());
     const std::size_t half = bytes.size() / 2;
     ASSERT_TRUE((*file)->append(std::string_view(bytes).substr(0, half)).ok());
     ASSERT_TRUE((*file)->append(std::string_view(bytes).substr(half)).ok());
-    ASSERT_TRUE(store_->publish_asset(*path, contract::sha256(bytes)).ok());
+    ASSERT_TRUE(store_->assets().publish(*path, contract::sha256(bytes)).ok());
+    confirmations_.make("asset " + contract::sha256(bytes).hex(), step(), has_asset(bytes));
+  }
+
+  /// Adds an asset as a row, unlike upload().
+  void add_asset(const std::string& bytes) {
+    ASSERT_TRUE(store_->assets().add(contract::sha256(bytes), bytes).ok());
     confirmations_.make("asset " + contract::sha256(bytes).hex(), step(), has_asset(bytes));
   }
 
@@ -170,7 +176,7 @@ class Coordinator {
       confirmations_.end("asset " + contract::sha256(bytes).hex(), step());
     }
     const std::int64_t now = 3 * kHourUs;
-    ASSERT_TRUE(store_->collect_assets(now, 0, {contract::sha256(kept)}).ok());
+    ASSERT_TRUE(store_->assets().collect(now, 0, {contract::sha256(kept)}).ok());
   }
 
   void add_worker(const std::string& id) {
@@ -197,7 +203,7 @@ class Coordinator {
   int block_seed_ = 0;
 };
 
-/// Two assets whose digests start with the same byte share a folder, one does not.
+/// Two assets whose digests start with the same byte share a folder, one does not. One is a row.
 std::vector<std::string> make_assets() {
   std::vector<std::string> assets = {some_bytes(1000, 900)};
   const int byte = contract::sha256(assets[0]).bytes[0];
@@ -209,6 +215,7 @@ std::vector<std::string> make_assets() {
     has_other = has_other || !shares;
     assets.push_back(std::move(bytes));
   }
+  assets.push_back(some_bytes(2000, 900));
   return assets;
 }
 
@@ -216,13 +223,14 @@ std::vector<std::string> make_assets() {
 struct Recording {
   std::vector<DiskEvent> events;
   DurabilityChecker confirmations;
-  std::vector<std::string> assets = make_assets();
+  std::vector<std::string> assets = make_assets();  // files, and the last one a row
 };
 
 void use_all_operations(Coordinator& farm, const std::vector<std::string>& assets) {
   farm.open();
   farm.add_job("a");
   farm.upload(assets[0]);
+  farm.add_asset(assets[3]);
   farm.add_worker("w1");
   farm.commit({"a"}, 0, 3, 0);
   farm.add_job("b");
@@ -245,8 +253,9 @@ void use_all_operations(Coordinator& farm, const std::vector<std::string>& asset
   farm.remove_worker("w1");
   for (int i = 0; i < 8; ++i) farm.commit({"c"}, i, 1, 0);
   farm.upload(assets[2]);
-  farm.collect_all_assets_but(assets[2], {assets[0], assets[1]});
+  farm.collect_all_assets_but(assets[2], {assets[0], assets[1], assets[3]});
   farm.upload(assets[0]);
+  farm.add_asset(assets[3]);
   farm.finish_frame("c", 7);
   farm.close_job("c");
   farm.remove_stale_joins();
@@ -274,7 +283,9 @@ class Inspector {
     PowerCutDisk disk(folder_.path());
     auto store = Store::open(folder_.path() + "/store", disk, small_options());
     if (!store.ok()) return "cannot be opened: " + store.status().ToString();
-    if (std::string wrong = check_store(**store, recording_.assets); !wrong.empty()) return wrong;
+    if (std::string wrong = check_store(**store, folder_.path() + "/store", recording_.assets);
+        !wrong.empty())
+      return wrong;
     if (std::string wrong = recording_.confirmations.check(**store, step); !wrong.empty())
       return wrong;
     return can_go_on(**store);
@@ -383,7 +394,8 @@ TEST(PowerCut, KillThenCutKeepsObservedData) {
     PowerCutDisk third(cut_folder.path());
     auto store = Store::open(cut_folder.path() + "/store", third, small_options());
     ASSERT_TRUE(store.ok()) << store.status() << " at step " << i + 1;
-    ASSERT_EQ(check_store(**store, recording.assets), "") << "step " << i + 1;
+    ASSERT_EQ(check_store(**store, cut_folder.path() + "/store", recording.assets), "")
+        << "step " << i + 1;
     ASSERT_EQ(confirmations.check(**store, 1 << 30), "") << "step " << i + 1;
     const std::vector<std::string> kept = facts(**store);
     const std::set<std::string> kept_set(kept.begin(), kept.end());

@@ -99,7 +99,7 @@ TEST_F(SmallJobTest, FrameOfOtherSizeMovesBetweenRowAndFile) {
 TEST_F(SmallJobTest, FileLeftBesideItsRowIsDeleted) {
   add_job("a");
   const FrameRecord frame = finish_frame("a", 0, "image");
-  write_file(*store().output_folder("a") + "/" + frame.file, "image");  // as after a crash
+  write_file(*store().output_folder("a") + "/" + frame.file, "image");  // as of an older version
   open();
   EXPECT_EQ(file_count("outputs"), 0);
 }

@@ -81,21 +81,30 @@ class StoreFixture : public ::testing::Test {
     record.file_sha256 = contract::sha256(bytes);
     record.pixels_sha256 = contract::sha256("pixels");
     record.statistics_json = R"({"frame": 1})";
+    if (static_cast<std::int64_t>(bytes.size()) <= store().max_row_image_bytes()) {
+      EXPECT_TRUE(store().finish_small_frame(job_id, record, bytes).ok());
+      return record;
+    }
     write_file(*store().output_folder(job_id) + "/" + record.file, bytes);
     EXPECT_TRUE(store().finish_frame(job_id, record).ok());
     return record;
   }
 
+  /// As the asset service does it.
   contract::Digest upload(const std::string& bytes) {
-    const std::string upload = *store().new_upload_path();
+    if (static_cast<std::int64_t>(bytes.size()) <= store().assets().max_row_bytes()) {
+      EXPECT_TRUE(store().assets().add(contract::sha256(bytes), bytes).ok());
+      return contract::sha256(bytes);
+    }
+    const std::string upload = *store().assets().new_upload_path();
     write_file(upload, bytes);
-    EXPECT_TRUE(store().publish_asset(upload, contract::sha256(bytes)).ok());
+    EXPECT_TRUE(store().assets().publish(upload, contract::sha256(bytes)).ok());
     EXPECT_FALSE(std::filesystem::exists(upload));
     return contract::sha256(bytes);
   }
 
   ScratchFolder folder_;
-  bool uses_rows_ = false;  // for small blocks and images
+  bool uses_rows_ = false;  // for small blocks, images and assets
   std::unique_ptr<Store> store_;
   std::int64_t segment_bytes_ = 1 << 20;
   int slack_pages_ = 256, checkpoint_pages_ = 2000;

@@ -353,10 +353,10 @@ TEST_F(StoreTest, OpenDeletesFilesWithoutRow) {
   write_file(path() + "/segments/gone/0.seg", "of a removed job");
   std::filesystem::create_directory(path() + "/outputs/gone");
   write_file(path() + "/outputs/gone/image.exr", "of a removed job");
-  const std::string stray = store().asset_path(contract::sha256("stray"));
+  const std::string stray = asset_file(path(), contract::sha256("stray"));
   std::filesystem::create_directories(std::filesystem::path(stray).parent_path());
   write_file(stray, "stray");
-  const std::string upload = *store().new_upload_path();
+  const std::string upload = *store().assets().new_upload_path();
   write_file(upload, "half an upl");
   open();
   EXPECT_FALSE(std::filesystem::exists(path() + "/segments/a/7.seg"));
@@ -364,62 +364,8 @@ TEST_F(StoreTest, OpenDeletesFilesWithoutRow) {
   EXPECT_FALSE(std::filesystem::exists(path() + "/outputs/gone"));
   EXPECT_FALSE(std::filesystem::exists(stray));
   EXPECT_FALSE(std::filesystem::exists(upload));
-  EXPECT_TRUE(store().has_asset(kept));
+  EXPECT_TRUE(store().assets().has(kept));
   EXPECT_TRUE(store().read_block("a", units("a")[0]).ok());
-}
-
-TEST_F(StoreTest, AssetIsVisibleOncePublished) {
-  const contract::Digest digest = contract::sha256("texture");
-  const std::string upload_path = *store().new_upload_path();
-  EXPECT_NE(*store().new_upload_path(), upload_path);
-  write_file(upload_path, "texture");
-  EXPECT_FALSE(store().has_asset(digest));
-  EXPECT_FALSE(std::filesystem::exists(store().asset_path(digest)));
-  ASSERT_TRUE(store().publish_asset(upload_path, digest).ok());
-  EXPECT_EQ(upload("texture"), digest);  // uploading the same again is harmless
-  open();
-  EXPECT_TRUE(store().has_asset(digest));
-  EXPECT_EQ(read_file(store().asset_path(digest)), "texture");
-}
-
-TEST_F(StoreTest, PublishingMissingUploadIsNotFound) {
-  const auto status = store().publish_asset(*store().new_upload_path(), contract::sha256("x"));
-  EXPECT_TRUE(absl::IsNotFound(status)) << status;
-  EXPECT_FALSE(store().has_asset(contract::sha256("x")));
-}
-
-TEST_F(StoreTest, CollectsOldestUnusedAssets) {
-  const contract::Digest named = upload(std::string(100, 'n'));
-  const contract::Digest oldest = upload(std::string(100, 'o'));
-  now_us_ += 1;
-  const contract::Digest older = upload(std::string(100, 'p'));
-  now_us_ += 2 * kHourUs;
-  const contract::Digest fresh = upload(std::string(100, 'f'));
-  ASSERT_TRUE(store().collect_assets(now_us_, 400, {}).ok());
-  EXPECT_TRUE(store().has_asset(oldest)) << "the quota is kept";
-  ASSERT_TRUE(store().collect_assets(now_us_, 301, {named}).ok());
-  EXPECT_FALSE(store().has_asset(oldest));
-  EXPECT_FALSE(std::filesystem::exists(store().asset_path(oldest)));
-  EXPECT_TRUE(store().has_asset(older));
-  ASSERT_TRUE(store().collect_assets(now_us_, 0, {named}).ok());
-  EXPECT_FALSE(store().has_asset(older));
-  EXPECT_TRUE(store().has_asset(fresh)) << "uploaded within the hour";
-  EXPECT_TRUE(store().has_asset(named));
-  now_us_ += kHourUs;
-  upload(std::string(100, 'f'));  // keeps it for another hour
-  ASSERT_TRUE(store().collect_assets(now_us_, 0, {named}).ok());
-  EXPECT_TRUE(store().has_asset(fresh));
-}
-
-TEST_F(StoreTest, RecentlyReleasedAssetIsCollectedLast) {
-  const contract::Digest reused = upload(std::string(100, 'r'));
-  now_us_ += 1;
-  const contract::Digest unused = upload(std::string(100, 'u'));
-  now_us_ += 2 * kHourUs;
-  ASSERT_TRUE(store().release_assets({reused}).ok());
-  ASSERT_TRUE(store().collect_assets(now_us_, 100, {}).ok());
-  EXPECT_TRUE(store().has_asset(reused));
-  EXPECT_FALSE(store().has_asset(unused));
 }
 
 TEST_F(StoreTest, CountsUsedBytes) {
@@ -452,7 +398,7 @@ TEST_F(StoreTest, CountsUsedBytes) {
   EXPECT_EQ(store().used_bytes(), empty + count_files());
   ASSERT_TRUE(store().remove_job("a").ok());
   now_us_ += 2 * kHourUs;
-  ASSERT_TRUE(store().collect_assets(now_us_, 0, {}).ok());
+  ASSERT_TRUE(store().assets().collect(now_us_, 0, {}).ok());
   EXPECT_EQ(count_files(), 0);
   EXPECT_EQ(store().used_bytes(), empty);
 }
@@ -464,7 +410,7 @@ TEST_F(StoreTest, ReadsDuringWrites) {
       for (const UnitRecord& unit : units("a")) {
         EXPECT_TRUE(store().read_block("a", unit).ok());
       }
-      EXPECT_FALSE(store().has_asset(contract::sha256("x")));
+      EXPECT_FALSE(store().assets().has(contract::sha256("x")));
       EXPECT_GT(store().used_bytes(), 0);
     }
   });
