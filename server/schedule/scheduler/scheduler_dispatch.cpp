@@ -292,27 +292,36 @@ void Scheduler::copy_slow_units(std::vector<Worker*>& idle, Time now) {
   }
 }
 
+/// Has workers give back units that they have not begun, for idle ones; each keeps one per thread,
+/// whatever jobs its units belong to.
 void Scheduler::steal_unstarted(std::int32_t wanted) {
+  std::map<WorkerKey, std::int32_t> surplus;
   for (const JobKey key : tail_) {
-    Job& job = jobs_.at(key);
-    std::map<WorkerKey, std::int32_t> surplus;  // beyond one unit per thread
+    const Job& job = jobs_.at(key);
     for (const auto& [holder, count] : job.holders) {
       const Worker& worker = workers_.at(holder);
-      surplus[holder] = static_cast<std::int32_t>(worker.leased_units.size()) - worker.thread_count;
+      surplus.try_emplace(
+          holder, static_cast<std::int32_t>(worker.leased_units.size()) - worker.thread_count);
     }
-    std::vector<Unit> units;
     for (const auto& [unit, in_flight] : job.plan->in_flight()) {
-      units.push_back(unit);
-      if (in_flight.holders.front().revoking) --wanted;  // already being revoked
+      if (!in_flight.holders.front().revoking) continue;  // it is being given back
+      --wanted;
+      --surplus[in_flight.holders.front().worker];
     }
+  }
+  for (const JobKey key : tail_) {
+    Job& job = jobs_.at(key);
+    std::vector<Unit> units;
+    for (const auto& [unit, in_flight] : job.plan->in_flight()) units.push_back(unit);
     for (auto unit = units.rbegin(); unit != units.rend() && wanted > 0; ++unit) {
       InFlight& in_flight = *job.plan->find_in_flight(*unit);
       Holder& holder = in_flight.holders.front();
       if (in_flight.holders.size() > 1 || holder.started || holder.revoking) continue;
-      if (surplus[holder.worker]-- <= 0) continue;
+      if (surplus[holder.worker] <= 0) continue;
+      --surplus[holder.worker];
+      --wanted;
       holder.revoking = true;
       revoke(workers_.at(holder.worker), job, *unit);
-      --wanted;
     }
   }
 }

@@ -309,7 +309,10 @@ void Scheduler::commit(Job& job, const Unit& unit, const std::string& worker_id,
   for (const Holder& holder : plan.commit(unit)) {
     remove_hold(job, unit, holder);
     Worker* other = find_worker(holder.worker);
-    if (other != nullptr && other->id != worker_id) revoke(*other, job, unit);
+    if (other == nullptr) continue;
+    // Its own worker holds an unsent lease if it delivered under an earlier one.
+    const bool is_held = other->id != worker_id || other->outbox.has_lease(job.spec->id, unit);
+    if (is_held) revoke(*other, job, unit);
   }
   const std::string witness = witness_of(worker_id);
   disprove_failures(job, unit, witness);

@@ -395,11 +395,8 @@ void Scheduler::wake(Worker& worker) {
 
 void Scheduler::revoke(Worker& worker, const Job& job, const Unit& unit) {
   Outbox& outbox = worker.outbox;
-  const bool is_unsent =
-      std::any_of(outbox.leases.begin(), outbox.leases.end(), [&](const Lease& lease) {
-        return lease.job_id == job.spec->id && lease.covers(unit);
-      });
-  (is_unsent ? outbox.withdrawn : outbox.revoked).push_back({job.spec->id, unit});
+  (outbox.has_lease(job.spec->id, unit) ? outbox.withdrawn : outbox.revoked)
+      .push_back({job.spec->id, unit});
   wake(worker);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <set>
@@ -42,6 +43,12 @@ struct Outbox {
   bool empty() const {
     return leases.empty() && revoked.empty() && withdrawn.empty() && acknowledgements.empty() &&
            ended_jobs.empty() && !drain;
+  }
+  /// Whether a lease of this unit is not sent yet.
+  bool has_lease(const std::string& job_id, const contract::Unit& unit) const {
+    return std::any_of(leases.begin(), leases.end(), [&](const Lease& lease) {
+      return lease.job_id == job_id && lease.covers(unit);
+    });
   }
   std::size_t size() const {
     return leases.size() + revoked.size() + withdrawn.size() + acknowledgements.size() +

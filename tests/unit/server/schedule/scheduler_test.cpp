@@ -470,5 +470,27 @@ TEST(Scheduler, UnstartedUnitsMoveToIdleWorkers) {
   EXPECT_EQ(farm.leased(idle).size(), 2u);
 }
 
+TEST(Scheduler, WorkerKeepsUnitPerThreadOverAllJobs) {
+  SchedulerHarness farm;
+  farm.add_job({.tiles = 1});
+  farm.add_job({.tiles = 1});
+  const WorkerKey busy = farm.connect("busy", {.threads = 1, .credits = 2});
+  ASSERT_EQ(farm.leased(busy).size(), 2u);
+  const WorkerKey idle = farm.connect("idle", {.threads = 4, .credits = 4});
+  for (int i = 0; i < 3; ++i) farm.pass(200ms, {busy, idle});
+  EXPECT_EQ(farm.outbox(busy).revoked.size(), 1u);
+}
+
+TEST(Scheduler, RevokedUnitIsWithdrawnIfItsLeaseIsUnsent) {
+  SchedulerHarness farm;
+  Job& job = farm.add_job({.tiles = 1});
+  const WorkerKey worker = farm.connect("w1");
+  ASSERT_TRUE(farm.scheduler.cancel(job, farm.now).ok());
+  const Outbox outbox = farm.outbox(worker);
+  EXPECT_EQ(outbox.leases.size(), 1u);
+  EXPECT_TRUE(outbox.revoked.empty());
+  EXPECT_EQ(outbox.withdrawn.size(), 1u);
+}
+
 }  // namespace
 }  // namespace tessera::server

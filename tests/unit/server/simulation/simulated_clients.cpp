@@ -64,12 +64,16 @@ void SimulatedServer::upload(int kind) {
     uploaded_.insert(kind);
     return;
   }
+  const auto note = [this, kind](const absl::Status& status) {
+    if (status.ok()) answer([this, kind] { uploaded_.insert(kind); });
+  };
+  if (uses_rows_) {
+    return coordinator_->assets().add_asset(scene_of(kind), scene_bytes(kind), note);
+  }
   const auto path = coordinator_->assets().new_upload_path();
   if (!path.ok()) return;
   std::ofstream(*path, std::ios::binary) << scene_bytes(kind);
-  coordinator_->assets().publish_asset(*path, scene_of(kind), [this, kind](const auto& status) {
-    if (status.ok()) answer([this, kind] { uploaded_.insert(kind); });
-  });
+  coordinator_->assets().publish_asset(*path, scene_of(kind), note);
 }
 
 /// Creates the job, or repeats the request.

@@ -77,7 +77,11 @@ absl::Status SimulatedServer::start() {
   store_options.ballast_bytes = 1 << 16;
   store_options.now_us = [this] { return 1'700'000'000'000'000 + wall_offset_us_; };
   store_options.warn = [](const std::string&) {};
-  if (dice_.one_in(2)) store_options.row_block_bytes = store_options.row_image_bytes = 0;
+  uses_rows_ = dice_.one_in(2);
+  if (!uses_rows_) {
+    store_options.row_block_bytes = store_options.row_image_bytes = 0;
+    store_options.row_asset_bytes = 0;
+  }
   auto store = Store::open(folder_.path() + "/store", *disk_, store_options);
   if (!store.ok()) return store.status();
   store_ = *std::move(store);
@@ -186,7 +190,7 @@ void SimulatedServer::step(bool is_calm) {
 
 void SimulatedServer::check() {
   for (const int kind : uploaded_) {
-    if (!store_->has_asset(scene_of(kind))) violate(absl::StrCat("scene ", kind, " is lost"));
+    if (!store_->assets().has(scene_of(kind))) violate(absl::StrCat("scene ", kind, " is lost"));
   }
   for (auto& [request_id, job] : jobs_) check_job(job);
 }

@@ -130,6 +130,7 @@ class SimulatedServer {
   std::unique_ptr<Store> store_;
   std::unique_ptr<Coordinator> coordinator_;
   Time now_{};
+  bool uses_rows_ = false;  // for small blocks, images and assets
   std::int64_t wall_offset_us_ = 0;
   std::vector<Answer> answers_;
   std::map<std::string, ClientJob> jobs_;  // by request ID
