@@ -192,9 +192,11 @@ void FrameFinisher::finish(const FrameKey& key) {
   }
   const auto row = std::make_shared<const FrameRecord>(*std::move(finished));
   pipeline_.post_write(
-      [this, key, row] {
+      [this, key, row, spec] {
         if (!may_record(key)) return absl::CancelledError("its units are rendered again");
-        return store_.finish_frame(key.job_id, *row);
+        absl::Status written = store_.finish_frame(key.job_id, *row);
+        if (written.ok()) tell_finished(key, spec->owner);
+        return written;
       },
       [this, key, row](const absl::Status& status) {
         if (status.ok()) return note_finished(key, *row);
@@ -214,6 +216,11 @@ bool FrameFinisher::may_record(const FrameKey& key) {
   return false;
 }
 
+void FrameFinisher::tell_finished(const FrameKey& key, const std::string& owner) {
+  pipeline_.tell(
+      {0, 0, EventKind::frame_finished, key.job_id, owner, "", absl::StrCat("frame ", key.frame)});
+}
+
 void FrameFinisher::note_finished(const FrameKey& key, const FrameRecord& record) {
   FarmChange change(farm_);
   Job* job = change.find_job(key.job_id);
@@ -222,15 +229,17 @@ void FrameFinisher::note_finished(const FrameKey& key, const FrameRecord& record
   film.finishing.erase(key.frame);
   film.count_finished(record, read_frame_summary(record.statistics_json));
   film.open_block_index(*job).erase(key.frame);
-  change.note(EventKind::frame_finished, *job, "", absl::StrCat("frame ", key.frame));
   change.log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " finished"));
   change.scheduler().finish_frame(*job, key.frame, change.now());
 }
 
 void FrameFinisher::redo(const FrameKey& key, const std::vector<Unit>& units,
                          bool reset_pass_targets) {
+  std::shared_ptr<const JobSpec> spec;
+  if (const FarmView view(farm_); const Job* job = view.find_job(key.job_id)) spec = job->spec;
   const absl::Status status = store_.drop_units(key.job_id, units);
   if (!status.ok()) return fail(key, status);
+  if (spec != nullptr) budgets_.recount(*spec);  // they are no longer charged
   FarmChange change(farm_);
   Job* job = change.find_job(key.job_id);
   if (job == nullptr) return;

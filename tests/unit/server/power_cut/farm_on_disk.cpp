@@ -59,7 +59,7 @@ FarmOnDisk::~FarmOnDisk() {
 
 absl::Status FarmOnDisk::start() {
   StoreOptions store_options;
-  store_options.checkpoint_pages = 40;  // only after the scene is acknowledged
+  store_options.checkpoint_pages = 60;  // only after the scene is acknowledged
   store_options.segment_bytes = 20'000;
   if (!uses_rows_) store_options.row_block_bytes = store_options.row_image_bytes = 0;
   auto store = Store::open(root_ + "/store", disk_, store_options);
