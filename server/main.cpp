@@ -121,8 +121,10 @@ int serve(const Config& config, const sigset_t& signals) {
   if (!coordinator.ok()) return fail(coordinator.status());
   std::unique_ptr<MetricsListener> metrics;
   if (!config.metrics.empty()) {
+    Health& health = (*coordinator)->health();
     auto started = MetricsListener::start(
-        config.metrics, [&farm = **coordinator] { return farm.queries().metrics(); });
+        config.metrics, [&farm = **coordinator] { return farm.queries().metrics(); },
+        {[&health] { return health.why_dead(); }, [&health] { return health.why_unready(); }});
     if (!started.ok()) return fail(started.status());
     metrics = *std::move(started);
     options.log(LogLevel::info, absl::StrCat("metrics: http://", metrics->address(), "/metrics"));

@@ -81,6 +81,11 @@ absl::Status forward_events(FarmClient& client, EventRelay& relay, const Log& lo
       return forwarded.ok();
     });
     if (!forwarded.ok()) return forwarded;
+    if (absl::IsDataLoss(watched)) {
+      log(LogLevel::warn, absl::StrCat(watched.message(), "; continuing with that one"));
+      after = 0;
+      continue;
+    }
     if (!absl::IsOutOfRange(watched)) return watched;
     log(LogLevel::warn, absl::StrCat(watched.message(), "; continuing with new events only"));
     after = latest_sequence(client, relay);

@@ -256,6 +256,53 @@ class Client : public FarmClient {
     return unary(workers_, &v1::WorkerService::Stub::MoveWorker, request, response);
   }
 
+  absl::Status set_aside_worker(const std::string& worker_id, const std::string& reason) override {
+    v1::SetAsideWorkerRequest request;
+    request.set_worker_id(worker_id);
+    request.set_reason(reason);
+    v1::SetAsideWorkerResponse response;
+    return unary(workers_, &v1::WorkerService::Stub::SetAsideWorker, request, response);
+  }
+  absl::Status bring_back_worker(const std::string& worker_id) override {
+    return order<v1::BringBackWorkerRequest, v1::BringBackWorkerResponse>(
+        &v1::WorkerService::Stub::BringBackWorker, worker_id);
+  }
+
+  absl::StatusOr<v1::Budget> set_budget(const v1::Budget& budget) override {
+    v1::SetBudgetRequest request;
+    *request.mutable_budget() = budget;
+    v1::SetBudgetResponse response;
+    absl::Status status = unary(farm_, &v1::FarmService::Stub::SetBudget, request, response);
+    if (!status.ok()) return status;
+    return response.budget();
+  }
+  absl::Status remove_budget(v1::Budget::Scope scope, const std::string& name) override {
+    v1::RemoveBudgetRequest request;
+    request.set_scope(scope);
+    request.set_name(name);
+    v1::RemoveBudgetResponse response;
+    return unary(farm_, &v1::FarmService::Stub::RemoveBudget, request, response);
+  }
+  absl::StatusOr<std::vector<v1::Budget>> list_budgets() override {
+    v1::ListBudgetsResponse response;
+    absl::Status status =
+        unary(farm_, &v1::FarmService::Stub::ListBudgets, v1::ListBudgetsRequest(), response);
+    if (!status.ok()) return status;
+    return std::vector<v1::Budget>(response.budgets().begin(), response.budgets().end());
+  }
+  absl::StatusOr<std::vector<v1::Usage>> list_usage(v1::ListUsageRequest request) override {
+    std::vector<v1::Usage> usage;
+    do {
+      v1::ListUsageResponse page;
+      absl::Status status = unary(farm_, &v1::FarmService::Stub::ListUsage, request, page);
+      if (!status.ok()) return status;
+      std::move(page.mutable_usage()->begin(), page.mutable_usage()->end(),
+                std::back_inserter(usage));
+      request.set_page_token(page.next_page_token());
+    } while (!request.page_token().empty());
+    return usage;
+  }
+
   absl::StatusOr<v1::Limit> set_limit(const std::string& name, std::int64_t units) override {
     v1::SetLimitRequest request;
     request.set_name(name);

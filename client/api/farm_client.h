@@ -85,10 +85,19 @@ class FarmClient {
   virtual absl::Status allow_worker(const std::string& worker_id) = 0;
   /// An empty pool: the one that the worker names itself.
   virtual absl::Status move_worker(const std::string& worker_id, const std::string& pool) = 0;
+  virtual absl::Status set_aside_worker(const std::string& worker_id,
+                                        const std::string& reason) = 0;
+  virtual absl::Status bring_back_worker(const std::string& worker_id) = 0;
 
   virtual absl::StatusOr<v1::Limit> set_limit(const std::string& name, std::int64_t units) = 0;
   virtual absl::Status remove_limit(const std::string& name) = 0;
   virtual absl::StatusOr<std::vector<v1::Limit>> list_limits() = 0;
+
+  virtual absl::StatusOr<v1::Budget> set_budget(const v1::Budget& budget) = 0;
+  virtual absl::Status remove_budget(v1::Budget::Scope scope, const std::string& name) = 0;
+  virtual absl::StatusOr<std::vector<v1::Budget>> list_budgets() = 0;
+  /// Returns all pages.
+  virtual absl::StatusOr<std::vector<v1::Usage>> list_usage(v1::ListUsageRequest request) = 0;
 };
 
 }  // namespace tessera::client

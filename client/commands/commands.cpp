@@ -16,6 +16,8 @@ void add_all_commands(CLI::App& app, Invocation& invocation) {
   add_events_commands(app, invocation);
   add_workers_command(app, invocation);
   add_limits_command(app, invocation);
+  add_budgets_command(app, invocation);
+  add_usage_command(app, invocation);
   add_farm_command(app, invocation);
   add_inspect_command(app, invocation);
   add_compare_command(app, invocation);

@@ -18,6 +18,7 @@ struct EventsOptions {
   std::string job;  // empty: the whole farm
   bool follow = false;
   bool json = false;
+  std::int64_t since = 0;  // only events after this sequence; 0: all that are kept
 };
 
 /// Replaces control characters, so that text from other machines cannot control the terminal.
@@ -53,6 +54,7 @@ int run(const EventsOptions& options, const Connection& connection) {
   const InterruptAction on_interrupt(signals, [&client] { (*client)->cancel(); });
   v1::WatchEventsRequest request;
   request.set_follow(options.follow);
+  request.set_after_sequence(options.since);
   if (!options.job.empty()) {
     const auto job = (*client)->get_job(options.job);
     if (!job.ok()) return fail(job.status());
@@ -88,7 +90,8 @@ void add_events_commands(CLI::App& app, Invocation& invocation) {
   add_job_argument(*logs, of_job->job);
   logs->add_flag("--follow", of_job->follow, "Continuous output until the job ends");
   logs->footer(
-      "The server keeps the newest lines in memory, since its last start. Workers send lines at or "
+      "The server keeps the newest lines of workers in memory, since its last start. Workers send "
+      "lines at or "
       "above their --log-level; debug includes lines for every unit.\n"
       "Examples:\n  tessera logs last\n  tessera logs last --follow");
 
@@ -96,7 +99,17 @@ void add_events_commands(CLI::App& app, Invocation& invocation) {
   CLI::App* events = add_command(app, invocation, "events",
                                  "Show events of the farm: jobs, frames, workers", of_farm);
   events->add_flag("--follow", of_farm->follow, "Continuous output until Ctrl-C");
-  events->footer("Examples:\n  tessera events\n  tessera events --follow --json");
+  events
+      ->add_option("--since", of_farm->since,
+                   "Only events after the one with this sequence, as printed by --json")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("SEQUENCE");
+  events->footer(
+      "The server keeps the newest 200,000 events, across restarts. A program that stores the\n"
+      "sequence of the last event it has handled and passes it to --since sees each event once;\n"
+      "if that event is no longer kept, the command says so and fails.\n"
+      "Examples:\n  tessera events\n  tessera events --follow --json\n"
+      "  tessera events --since 1099511627790 --json");
 }
 
 }  // namespace tessera::client

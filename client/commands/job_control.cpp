@@ -32,7 +32,9 @@ constexpr Control kControls[] = {
      "`tessera retry JOB` resumes the job, `tessera remove JOB` deletes it.\n"
      "Example:\n  tessera cancel last",
      &FarmClient::cancel_job},
-    {"retry", "Resume a failed or cancelled job from its committed units",
+    {"retry",
+     "Resume a job that has failed, was cancelled or is paused because of failures, from its "
+     "committed units",
      "Example:\n  tessera retry last", &FarmClient::retry_job},
 };
 

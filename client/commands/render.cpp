@@ -167,6 +167,7 @@ class FrameCollector {
 /// A private farm pauses its job only when it cannot store results; nobody is there to resume it.
 absl::Status check_not_stopped(const v1::Job& job) {
   if (job.state() != v1::Job::STATE_PAUSED || job.reason().empty()) return absl::OkStatus();
+  if (is_paused_by_failures(job)) return absl::OkStatus();  // ends the command like a failure
   return absl::ResourceExhaustedError(
       absl::StrCat("the job has stopped: ", job.reason(),
                    "; free disk space, or set --store to a directory on another disk"));
@@ -186,7 +187,7 @@ absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
     bar.show(now);
     collected = collector.collect(now);
     if (collected.ok()) collected = check_not_stopped(now);
-    return collected.ok();
+    return collected.ok() && !is_paused_by_failures(now);
   });
   bar.clear();
   if (!job.ok()) return job.status();

@@ -31,14 +31,36 @@ void add_requirements(const v1::Job& job, Table& table) {
   for (const v1::JobDependency& dependency : job.dependencies()) {
     table.add({dependency_name(dependency.kind()), absl::StrCat("job ", dependency.job_id())});
   }
+  if (!job.project().empty()) table.add({"project", job.project()});
+  for (const std::string& worker : job.blocked_worker_ids()) table.add({"blocked", worker});
+}
+
+/// Adds what failed, where and why, and what to do.
+void add_failures(const v1::Job& job, Table& table) {
+  for (const v1::FailedAttempt& attempt : job.failed_attempts()) {
+    table.add({"failed", absl::StrCat("frame ", attempt.frame(), ", tile ", attempt.tile(),
+                                      ", pass ", attempt.pass(), ", worker ", attempt.worker_id(),
+                                      ": ", attempt.message())});
+  }
+  if (!is_paused_by_failures(job)) return;
+  table.add({"next", absl::StrCat("`tessera logs ", job.id(), "` has the renderer's last lines, `",
+                                  "tessera retry ", job.id(), "` resumes the job")});
+}
+
+/// Returns the state with its reason; failures have rows of their own.
+std::string state_text(const v1::Job& job) {
+  if (is_paused_by_failures(job)) {
+    return absl::StrCat(state_name(job.state()), ": units kept failing");
+  }
+  return job.reason().empty() ? state_name(job.state())
+                              : absl::StrCat(state_name(job.state()), ": ", job.reason());
 }
 
 std::string text_of(const v1::Job& job) {
   const v1::JobProgress& progress = job.progress();
   Table table({"job", absl::StrCat(job.id(), "  ", job.name())});
-  table.add({"state", job.reason().empty()
-                          ? state_name(job.state())
-                          : absl::StrCat(state_name(job.state()), ": ", job.reason())});
+  table.add({"state", state_text(job)});
+  add_failures(job, table);
   table.add({"frames", absl::StrCat(progress.finished_frame_count(), " of ", progress.frame_count(),
                                     " finished")});
   table.add(

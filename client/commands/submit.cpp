@@ -17,7 +17,7 @@ namespace {
 
 struct SubmitOptions {
   RenderOptions render;
-  std::string name, required_tag, pool;
+  std::string name, required_tag, pool, project;
   std::vector<std::string> limits, after, after_any, after_frames;
   int priority = 0, max_workers = 0;
   bool wait = false, json = false;
@@ -89,6 +89,7 @@ int run(const SubmitOptions& options, const Connection& connection) {
   request.set_max_worker_count(options.max_workers);
   request.set_required_tag(options.required_tag);
   request.set_pool(options.pool);
+  request.set_project(options.project);
   *request.mutable_limits() = limits->limits();
   absl::StatusOr<v1::CreateJobResponse> made = absl::UnknownError("");
   {
@@ -138,6 +139,10 @@ void add_submit_command(CLI::App& app, Invocation& invocation) {
           "Limit that each leased unit counts against, and by how much (default 1); repeatable")
       ->type_name("NAME[=UNITS]")
       ->allow_extra_args(false);
+  command
+      ->add_option("--project", options->project,
+                   "Project that the CPU time is accounted to (see usage, budgets)")
+      ->type_name("PROJECT");
   add_dependency_options(*command, *options);
   command->add_flag("--wait", options->wait, "Wait for the job and return its exit code");
   command->add_flag("--json", options->json, "JSON output");

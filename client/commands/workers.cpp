@@ -32,6 +32,8 @@ std::string state_name(v1::Worker::State state) {
       return "lost";
     case v1::Worker::STATE_QUARANTINED:
       return "quarantined";
+    case v1::Worker::STATE_SET_ASIDE:
+      return "set aside";
     default:
       return "unknown";
   }
@@ -48,6 +50,7 @@ nlohmann::ordered_json document_of(const v1::Worker& worker) {
           {"threads", worker.thread_count()},
           {"tags", tags},
           {"pool", worker.pool()},
+          {"note", worker.note()},
           {"units_leased", worker.leased_unit_count()},
           {"units_committed", worker.committed_unit_count()},
           {"cpu_seconds", worker.cpu_seconds()},
@@ -95,6 +98,8 @@ constexpr Order kOrders[] = {
     {"ban", "Ban a worker: lease it nothing and reject its results; lasts across server restarts",
      "is banned", &FarmClient::ban_worker},
     {"allow", "Lift a worker's ban or quarantine", "is allowed", &FarmClient::allow_worker},
+    {"bring-back", "Bring back a worker that was set aside", "is back",
+     &FarmClient::bring_back_worker},
 };
 
 /// Returns the ID of the worker whose ID, ID prefix or name is `text`, or `text` itself if no
@@ -159,8 +164,95 @@ void add_move(CLI::App& command, Invocation& invocation) {
   });
 }
 
+struct AsideOptions {
+  std::string worker, reason;
+};
+
+int run_set_aside(const AsideOptions& options, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto id = find_worker(**client, options.worker);
+  if (!id.ok()) return fail(id.status());
+  const absl::Status status = (*client)->set_aside_worker(*id, options.reason);
+  if (!status.ok()) return fail(status);
+  std::printf("%s is set aside\n", id->c_str());
+  return kExitDone;
+}
+
+void add_set_aside(CLI::App& command, Invocation& invocation) {
+  auto options = std::make_shared<AsideOptions>();
+  CLI::App* sub = cli::add_command(command, "set-aside",
+                                   "Lease a worker nothing, across restarts; it stays connected");
+  add_connection_options(*sub, invocation.connection);
+  sub->add_option("worker", options->worker, "Worker ID, unique prefix, or name")->required();
+  sub->add_option("--reason", options->reason, "Note for other operators")->type_name("TEXT");
+  sub->footer(
+      "The worker finishes the units that it has started and returns the others.\n"
+      "Example:\n  tessera workers set-aside w-0f3a --reason \"new memory on Monday\"");
+  sub->callback([options, &invocation] {
+    invocation.run = [options, &invocation] {
+      return run_set_aside(*options, invocation.connection);
+    };
+  });
+}
+
+/// A command that blocks or unblocks a worker for one job.
+struct Block {
+  const char* name;
+  const char* description;
+  const char* result;
+  bool is_blocked;
+};
+
+constexpr Block kBlocks[] = {
+    {"block", "Block a worker for one job: it renders none of it", "is blocked", true},
+    {"unblock", "Unblock a worker for a job", "is no longer blocked", false},
+};
+
+struct BlockOptions {
+  std::string worker, job;
+};
+
+int run_block(const Block& block, const BlockOptions& options, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto id = find_worker(**client, options.worker);
+  if (!id.ok()) return fail(id.status());
+  const auto job = (*client)->get_job(options.job);
+  if (!job.ok()) return fail(job.status());
+  v1::UpdateJobRequest request;
+  request.set_job_id(job->id());
+  (block.is_blocked ? request.mutable_block_worker_ids() : request.mutable_unblock_worker_ids())
+      ->Add(std::string(*id));
+  const auto changed = (*client)->update_job(request);
+  if (!changed.ok()) return fail(changed.status());
+  std::printf("%s %s for job %s\n", id->c_str(), block.result, job->id().c_str());
+  return kExitDone;
+}
+
+void add_blocks(CLI::App& command, Invocation& invocation) {
+  for (const Block& block : kBlocks) {
+    auto options = std::make_shared<BlockOptions>();
+    CLI::App* sub = cli::add_command(command, block.name, block.description);
+    add_connection_options(*sub, invocation.connection);
+    sub->add_option("worker", options->worker, "Worker ID, unique prefix, or name")->required();
+    sub->add_option("--job", options->job, "Job ID, unique prefix, name, or last")
+        ->type_name("JOB")
+        ->required();
+    sub->footer(absl::StrCat("The owner of a job may block workers for it.\nExample:\n  tessera ",
+                             "workers ", block.name, " w-0f3a --job last"));
+    sub->callback([&block, options, &invocation] {
+      invocation.run = [&block, options, &invocation] {
+        return run_block(block, *options, invocation.connection);
+      };
+    });
+  }
+}
+
 void add_orders(CLI::App& command, Invocation& invocation) {
   add_move(command, invocation);
+  add_set_aside(command, invocation);
+  add_blocks(command, invocation);
   for (const Order& order : kOrders) {
     auto worker = std::make_shared<std::string>();
     CLI::App* sub = cli::add_command(command, order.name, order.description);
@@ -186,7 +278,8 @@ void add_workers_command(CLI::App& app, Invocation& invocation) {
   command->add_flag("--json", options->json, "JSON output (tessera.workers/2)");
   add_orders(*command, invocation);
   command->footer(
-      "On farms with certificates, pool, drain, ban and allow require an admin certificate.\n"
+      "On farms with certificates, pool, set-aside, bring-back, drain, ban and allow require an\n"
+      "admin certificate.\n"
       "Examples:\n  tessera workers\n  tessera workers drain w-0f3a");
   command->callback([command, options, &invocation] {
     if (!command->get_subcommands().empty()) return;  // the subcommand has its own callback

@@ -46,6 +46,24 @@ nlohmann::ordered_json limits_document(const v1::Job& job) {
   return document;
 }
 
+nlohmann::ordered_json blocked_workers_document(const v1::Job& job) {
+  nlohmann::ordered_json document = nlohmann::ordered_json::array();
+  for (const std::string& worker : job.blocked_worker_ids()) document.push_back(worker);
+  return document;
+}
+
+nlohmann::ordered_json attempts_document(const v1::Job& job) {
+  nlohmann::ordered_json document = nlohmann::ordered_json::array();
+  for (const v1::FailedAttempt& attempt : job.failed_attempts()) {
+    document.push_back({{"frame", attempt.frame()},
+                        {"tile", attempt.tile()},
+                        {"pass", attempt.pass()},
+                        {"worker", attempt.worker_id()},
+                        {"message", attempt.message()}});
+  }
+  return document;
+}
+
 nlohmann::ordered_json dependencies_document(const v1::Job& job) {
   nlohmann::ordered_json document = nlohmann::ordered_json::array();
   for (const v1::JobDependency& dependency : job.dependencies()) {
@@ -110,6 +128,23 @@ std::string certainty_name(const v1::Job& job) {
   }
 }
 
+std::string pause_cause_name(const v1::Job& job) {
+  switch (job.pause_cause()) {
+    case v1::Job::PAUSE_CAUSE_USER:
+      return "user";
+    case v1::Job::PAUSE_CAUSE_STORE_FULL:
+      return "store full";
+    case v1::Job::PAUSE_CAUSE_FAILURES:
+      return "failures";
+    default:
+      return "";
+  }
+}
+
+bool is_paused_by_failures(const v1::Job& job) {
+  return job.pause_cause() == v1::Job::PAUSE_CAUSE_FAILURES;
+}
+
 bool has_ended(const v1::Job& job) {
   return job.state() == v1::Job::STATE_DONE || job.state() == v1::Job::STATE_FAILED ||
          job.state() == v1::Job::STATE_CANCELLED;
@@ -121,7 +156,7 @@ int exit_code_of(const v1::Job& job) {
                                 job.certainty() == v1::Job::CERTAINTY_UNCERTAIN;
     return is_uncertified ? kExitUncertain : kExitDone;
   }
-  if (job.state() != v1::Job::STATE_FAILED) return kExitJobFailed;
+  if (job.state() != v1::Job::STATE_FAILED && !is_paused_by_failures(job)) return kExitJobFailed;
   return failed_job_exit_code(static_cast<absl::StatusCode>(job.failure_code()));
 }
 
@@ -132,10 +167,14 @@ nlohmann::ordered_json job_document(const v1::Job& job) {
                                      {"owner", job.owner()},
                                      {"state", state_name(job.state())},
                                      {"reason", job.reason()},
+                                     {"paused_by", nullptr},
+                                     {"failed_attempts", attempts_document(job)},
                                      {"priority", job.priority()},
                                      {"max_workers", job.max_worker_count()},
                                      {"required_tag", job.required_tag()},
                                      {"pool", job.pool()},
+                                     {"project", job.project()},
+                                     {"blocked_workers", blocked_workers_document(job)},
                                      {"limits", limits_document(job)},
                                      {"dependencies", dependencies_document(job)},
                                      {"created", rfc3339(job.create_time())},
@@ -145,6 +184,9 @@ nlohmann::ordered_json job_document(const v1::Job& job) {
     document["error_target"] = job.settings().error_target();
     document["certainty"] = nullptr;
     if (const std::string name = certainty_name(job); !name.empty()) document["certainty"] = name;
+  }
+  if (const std::string cause = pause_cause_name(job); !cause.empty()) {
+    document["paused_by"] = cause;
   }
   if (job.has_end_time()) document["ended"] = rfc3339(job.end_time());
   return document;
@@ -159,8 +201,9 @@ int watch_until_finished(FarmClient& client, SignalHandler& signals, const std::
     if (json) {
       std::printf("%s\n", job_document(now).dump().c_str());
       std::fflush(stdout);
-      return true;
+      return !is_paused_by_failures(now);
     }
+    if (is_paused_by_failures(now)) return false;  // until somebody has looked at it
     // Print the reason why a job waits once, also without a progress bar.
     if (now.reason() != waits_for && !now.reason().empty() && !has_ended(now)) {
       bar.clear();
@@ -182,6 +225,9 @@ int watch_until_finished(FarmClient& client, SignalHandler& signals, const std::
     std::fprintf(stderr, "job %s %s%s%s%s%s\n", job_id.c_str(), state_name(job->state()).c_str(),
                  certainty.empty() ? "" : ", ", certainty.c_str(),
                  job->reason().empty() ? "" : ": ", job->reason().c_str());
+    if (is_paused_by_failures(*job)) {
+      std::fprintf(stderr, "tessera: `tessera retry %s` resumes the job\n", job_id.c_str());
+    }
     if (job->state() == v1::Job::STATE_DONE) print_warnings(client, job_id, already_printed);
   }
   return exit_code_of(*job);

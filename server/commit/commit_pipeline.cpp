@@ -1,23 +1,33 @@
 #include "server/commit/commit_pipeline.h"
 
+#include <algorithm>
+#include <iterator>
+
 #include "absl/strings/str_cat.h"
 
 namespace tessera::server {
 
+CommitPipeline::CommitPipeline(FarmState& farm, Store& store) : farm_(farm), store_(store) {
+  farm_.events().on_pending([this] {
+    const MutexLock lock(mutex_);
+    wakeup_.notify_all();
+  });
+}
+
 bool CommitPipeline::run(bool wait) {
-  Round round;
   {
     const MutexLock lock(mutex_);
-    while (wait && !stopping_ && next_.is_empty() && !retry_) wakeup_.wait(mutex_);
-    if (next_.is_empty() && !retry_) return false;
-    std::swap(round, next_);
-    if (retry_) round.changed.merge(unwritten_);
-    retry_ = false;
+    while (wait && !stopping_ && !has_work()) wakeup_.wait(mutex_);
+    if (!has_work()) return false;
   }
-  post_rows(round);
+  Round round = take_round();
+  const bool has_events = !round.events.events.empty() || round.events.has_lost;
+  if (has_events || (!round.tasks.empty() && round.tasks.front().write)) {
+    write_together(round.tasks, std::move(round.events));
+  }
   while (!round.tasks.empty()) {
     if (round.tasks.front().write) {
-      write_together(round.tasks);
+      write_together(round.tasks, {});
     } else {
       round.tasks.front().apart();
       round.tasks.pop_front();
@@ -26,21 +36,92 @@ bool CommitPipeline::run(bool wait) {
   return true;
 }
 
+/// Events that could not be written wait for another write or the next try of unwritten rows.
+bool CommitPipeline::has_work() const {
+  return !next_.is_empty() || retry_ || (farm_.events().has_pending() && !has_unwritten_events_);
+}
+
+/// Takes what is to be written, with the farm locked, so that a row and the events about it are
+/// taken together.
+CommitPipeline::Round CommitPipeline::take_round() {
+  Round round;
+  const FarmView view(farm_);
+  {
+    const MutexLock lock(mutex_);
+    std::swap(round, next_);
+    if (retry_) round.changed.merge(unwritten_);
+    retry_ = false;
+  }
+  post_rows(view, round);
+  round.events = farm_.events().take_pending();
+  return round;
+}
+
 /// Runs the tasks up to the next one that runs apart, as one transaction.
-void CommitPipeline::write_together(std::deque<Task>& tasks) {
+void CommitPipeline::write_together(std::deque<Task>& tasks, EventLog::Pending events) {
   std::vector<Task> group;
   for (; !tasks.empty() && tasks.front().write; tasks.pop_front()) {
     group.push_back(std::move(tasks.front()));
   }
+  const bool has_only_lines =
+      group.empty() && !events.has_lost &&
+      std::all_of(events.events.begin(), events.events.end(),
+                  [](const Event& event) { return event.kind == EventKind::log_line; });
+  if (has_only_lines) return farm_.events().publish(farm_.events().number(events.events));
   std::vector<absl::Status> outcomes;
+  absl::Status recorded;
   const absl::Status together = store_.write_together([&] {
     outcomes.clear();  // on a full disk the store may try twice
+    told_.clear();
     for (const Task& task : group) outcomes.push_back(task.write());
+    recorded = record(events);
   });
   outcomes.resize(group.size(), together);  // if none was tried
+  finish_recording(together, recorded, std::move(events));
   for (std::size_t i = 0; i < group.size(); ++i) {
     group[i].done(outcomes[i].ok() ? together : outcomes[i]);
   }
+}
+
+/// Writes the events, and those of tell(), as a part of the open transaction.
+absl::Status CommitPipeline::record(const EventLog::Pending& events) {
+  numbered_ = events.events;
+  numbered_.insert(numbered_.end(), told_.begin(), told_.end());
+  numbered_ = farm_.events().number(std::move(numbered_));
+  std::vector<Event> rows;
+  std::copy_if(numbered_.begin(), numbered_.end(), std::back_inserter(rows),
+               [](const Event& event) { return event.kind != EventKind::log_line; });
+  if (rows.empty()) return absl::OkStatus();
+  absl::Status status;
+  if (events.has_lost) status = store_.events().note_lost(rows.front().sequence);
+  return status.ok() ? store_.events().add(rows) : status;
+}
+
+/// Makes the events of a transaction with this outcome visible, or keeps them for the next one.
+void CommitPipeline::finish_recording(const absl::Status& together, const absl::Status& recorded,
+                                      EventLog::Pending events) {
+  const absl::Status& status = together.ok() ? recorded : together;
+  has_unwritten_events_ = !status.ok();
+  if (status.ok()) return farm_.events().publish(std::exchange(numbered_, {}));
+  // What tell() recorded has failed with the transaction, or has been written without events.
+  if (together.ok()) events.events.insert(events.events.end(), told_.begin(), told_.end());
+  farm_.metrics().errors.journal.Increment();
+  farm_.log(LogLevel::error, absl::StrCat("events: ", status.ToString()));
+  farm_.events().put_back(std::move(events));
+}
+
+absl::Status CommitPipeline::write_and_tell(const std::function<absl::Status()>& write,
+                                            Event event) {
+  EventLog::Pending events = farm_.events().take_pending();  // they happened before
+  absl::Status written, recorded;
+  const absl::Status together = store_.write_together([&] {
+    told_.clear();
+    written = write();
+    if (written.ok()) tell(event);
+    recorded = record(events);
+  });
+  finish_recording(together, recorded, std::move(events));
+  return together.ok() ? written : together;
 }
 
 void CommitPipeline::stop() {
@@ -91,28 +172,26 @@ void CommitPipeline::write_running(FarmChange& change) {
 }
 
 void CommitPipeline::carry_out(FarmChange& /*change*/, const Effects& effects) {
-  if (effects.changed.empty() && effects.roster.empty()) return;
+  if (effects.changed.empty() && effects.revised.empty() && effects.roster.empty()) return;
   const MutexLock lock(mutex_);
   next_.changed.insert(effects.changed.begin(), effects.changed.end());
+  next_.changed.insert(effects.revised.begin(), effects.revised.end());
   next_.roster.insert(next_.roster.end(), effects.roster.begin(), effects.roster.end());
   wakeup_.notify_all();
 }
 
 /// Puts the round's rows before its tasks.
-void CommitPipeline::post_rows(Round& round) {
+void CommitPipeline::post_rows(const FarmView& farm, Round& round) {
   std::deque<Task> rows;
-  {
-    const FarmView view(farm_);
-    for (const JobKey key : round.changed) {
-      std::vector<Answer> answers;
-      const auto [first, last] = round.answers.equal_range(key);
-      for (auto answer = first; answer != last; ++answer) answers.push_back(answer->second);
-      const auto job = view.scheduler().jobs().find(key);
-      const bool is_removed = job == view.scheduler().jobs().end();  // it has no row
-      rows.push_back(row_task(key,
-                              is_removed ? std::nullopt : std::optional(view.record(job->second)),
-                              std::move(answers)));
-    }
+  for (const JobKey key : round.changed) {
+    std::vector<Answer> answers;
+    const auto [first, last] = round.answers.equal_range(key);
+    for (auto answer = first; answer != last; ++answer) answers.push_back(answer->second);
+    const auto job = farm.scheduler().jobs().find(key);
+    const bool is_removed = job == farm.scheduler().jobs().end();  // it has no row
+    rows.push_back(row_task(key,
+                            is_removed ? std::nullopt : std::optional(farm.record(job->second)),
+                            std::move(answers)));
   }
   for (const auto& [worker_id, joined] : round.roster) {
     rows.push_back(roster_task(worker_id, joined));

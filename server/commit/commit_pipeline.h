@@ -20,12 +20,15 @@ namespace tessera::server {
 
 /// Writes rows and runs tasks that write, in order, on one thread, with one transaction per round;
 /// answers carry the outcome. No other thread writes to the journal or to segment files.
+///
+/// Events are written with the rows of the changes that they tell of, and become visible when the
+/// transaction is durable.
 class CommitPipeline final : public EffectHandler {
  public:
   /// Gets the outcome of a write. Called without locks on the writer thread; must not block.
   using Answer = std::function<void(absl::Status)>;
 
-  CommitPipeline(FarmState& farm, Store& store) : farm_(farm), store_(store) {}
+  CommitPipeline(FarmState& farm, Store& store);
 
   /// Body of the writer thread: writes what is pending, after waiting for something if `wait`.
   /// Returns whether it did anything.
@@ -40,6 +43,12 @@ class CommitPipeline final : public EffectHandler {
   void post_write(std::function<absl::Status()> write, Answer done) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Runs a task on the writer thread between transactions, in order with what was posted before.
   void post(std::function<void()> task) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Records an event in the transaction of the round. Within `write` of post_write(), after what
+  /// the event tells of has been written.
+  void tell(Event event) { told_.push_back(farm_.events().stamp(std::move(event))); }
+  /// Runs `write` and records an event in one transaction. Within a task of post(). Errors: those
+  /// of `write`; then there is no event.
+  absl::Status write_and_tell(const std::function<absl::Status()>& write, Event event);
   /// Writes the job's row as it is at the end of this change, then calls `answer` with the outcome.
   void answer_when_written(FarmChange& change, JobKey job, Answer answer)
       ABSL_LOCKS_EXCLUDED(mutex_);
@@ -61,20 +70,30 @@ class CommitPipeline final : public EffectHandler {
     std::vector<std::pair<std::string, bool>> roster;  // worker ID; true: joined, false: gone
     std::multimap<JobKey, Answer> answers;
     std::deque<Task> tasks;
+    EventLog::Pending events;
     bool is_empty() const {
       return changed.empty() && roster.empty() && answers.empty() && tasks.empty();
     }
   };
 
-  void post_rows(Round& round);
+  bool has_work() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  Round take_round() ABSL_LOCKS_EXCLUDED(mutex_);
+  void post_rows(const FarmView& farm, Round& round);
   Task row_task(JobKey key, std::optional<JobRecord> record, std::vector<Answer> answers);
   Task roster_task(const std::string& worker_id, bool joined);
-  void write_together(std::deque<Task>& tasks);
+  void write_together(std::deque<Task>& tasks, EventLog::Pending events);
+  absl::Status record(const EventLog::Pending& events);
+  void finish_recording(const absl::Status& together, const absl::Status& recorded,
+                        EventLog::Pending events);
   absl::Status write_job(const JobRecord& record);
 
   FarmState& farm_;
   Store& store_;
-  std::set<JobKey> unwritten_;  // rows that could not be written; writer thread only
+  // Writer thread only.
+  std::set<JobKey> unwritten_;   // rows that could not be written
+  std::vector<Event> told_;      // with tell(), in the open transaction
+  std::vector<Event> numbered_;  // all events of the open transaction
+  bool has_unwritten_events_ = false;
 
   mutable Mutex mutex_;  // taken after the farm's
   ConditionVariable wakeup_;

@@ -8,24 +8,26 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::chrono::seconds kWriteRunningEvery{20};
+constexpr std::chrono::seconds kWriteRunningEvery{20}, kCheckWriterEvery{2};
 
 }  // namespace
 
 Coordinator::Coordinator(Store& store, FarmOptions options, const std::vector<std::string>& roster)
     : farm_(store, std::move(options), roster),
+      health_(farm_.options().clock),
       budget_(farm_.options().ingest_bytes),
       pipeline_(farm_, store),
-      finisher_(farm_, store, pipeline_),
+      budgets_(farm_, store, pipeline_),
+      finisher_(farm_, store, pipeline_, budgets_),
       images_(farm_, store, finisher_),
       audits_(farm_, store, pipeline_, finisher_),
-      intake_({farm_, store, pipeline_, budget_, finisher_, audits_}),
+      intake_({farm_, store, pipeline_, budget_, finisher_, audits_, budgets_}),
       workers_(farm_, store, pipeline_),
       assets_(farm_, store, pipeline_),
       settings_(farm_, store, pipeline_),
       admission_(farm_, store, pipeline_, assets_),
       jobs_({farm_, store, pipeline_, finisher_, assets_}),
-      queries_({farm_, store, finisher_, budget_, intake_.deliveries()}) {
+      queries_({farm_, store, finisher_, budget_, intake_.deliveries(), budgets_}) {
   farm_.add_handler(workers_);
   farm_.add_handler(audits_);
   farm_.add_handler(finisher_);
@@ -36,9 +38,14 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::open(Store& store, Far
   const auto roster = store.roster();
   if (!roster.ok()) return roster.status();
   std::unique_ptr<Coordinator> opened(new Coordinator(store, std::move(options), *roster));
+  auto events = store.events().newest(EventLog::kMaxEvents);
+  if (!events.ok()) return events.status();
+  opened->farm_.events().load(*std::move(events), store.events().last_dropped());
   {
     FarmChange change(opened->farm_);
-    if (absl::Status loaded = opened->settings_.load(change); !loaded.ok()) return loaded;
+    absl::Status loaded = opened->settings_.load(change);
+    loaded.Update(opened->budgets_.load(change));
+    if (!loaded.ok()) return loaded;
   }
   FarmLoader loader({opened->farm_, store, opened->pipeline_, opened->finisher_, opened->assets_});
   if (absl::Status loaded = loader.load(); !loaded.ok()) return loaded;
@@ -49,6 +56,12 @@ void Coordinator::tick() {
   FarmChange change(farm_);
   change.scheduler().tick(change.now(), farm_.options().tick_period);
   jobs_.tick(change);
+  budgets_.tick(change);
+  health_.note_timer();
+  if (change.now() - last_writer_check_ >= kCheckWriterEvery) {
+    last_writer_check_ = change.now();
+    pipeline_.post([this] { health_.note_writer(); });
+  }
   if (change.now() - last_running_write_ < kWriteRunningEvery) return;
   last_running_write_ = change.now();
   pipeline_.write_running(change);

@@ -13,9 +13,11 @@
 #include "server/jobs/job_admin.h"
 #include "server/jobs/job_admission.h"
 #include "server/queries/farm_queries.h"
+#include "server/settings/budgets.h"
 #include "server/settings/farm_settings.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
+#include "server/telemetry/health.h"
 #include "server/workers/worker_registry.h"
 
 namespace tessera::server {
@@ -46,18 +48,23 @@ class Coordinator {
   JobAdmin& jobs() { return jobs_; }
   AssetCatalog& assets() { return assets_; }
   FarmSettings& settings() { return settings_; }
+  Budgets& budgets() { return budgets_; }
   FrameImages& images() { return images_; }
   const FarmQueries& queries() const { return queries_; }
   /// Recent events.
   const EventLog& events() { return farm_.events(); }
+  /// Signs of life of the threads.
+  Health& health() { return health_; }
 
  private:
   Coordinator(Store& store, FarmOptions options, const std::vector<std::string>& roster);
 
   // In the order in which they use each other: queued tasks refer to the parts above their own.
   FarmState farm_;
+  Health health_;
   IngestBudget budget_;
   CommitPipeline pipeline_;
+  Budgets budgets_;
   FrameFinisher finisher_;
   FrameImages images_;
   AuditOutcomes audits_;
@@ -68,7 +75,7 @@ class Coordinator {
   JobAdmission admission_;
   JobAdmin jobs_;
   FarmQueries queries_;
-  Time last_running_write_;  // timer thread only
+  Time last_running_write_, last_writer_check_;  // timer thread only
 };
 
 }  // namespace tessera::server

@@ -11,6 +11,7 @@
 #include "contract/version.h"
 #include "server/film/frame_summary.h"
 #include "server/jobs/job_admin.h"
+#include "server/state/failed_attempts.h"
 
 namespace tessera::server {
 namespace {
@@ -106,6 +107,7 @@ absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
       change.add_job(record.sequence, std::make_shared<const JobSpec>(*std::move(spec)), state);
   job.reason = record.reason;
   job.failure_code = static_cast<absl::StatusCode>(record.failure_code);
+  job.failed_attempts = read_failed_attempts(record.failed_attempts);
   job.wall_seconds_before = record.wall_seconds;
   JobFilm& film = change.film(job);
   film.create_time_us = record.create_time_us;

@@ -190,11 +190,14 @@ void FrameFinisher::finish(const FrameKey& key) {
   }
   const auto frame = std::make_shared<const FinishedFrame>(*std::move(finished));
   pipeline_.post_write(
-      [this, key, frame] {
+      [this, key, frame, spec] {
         if (!may_record(key)) return absl::CancelledError("its units are rendered again");
-        return frame->image.empty()
-                   ? store_.finish_frame(key.job_id, frame->record)
-                   : store_.finish_small_frame(key.job_id, frame->record, frame->image);
+        absl::Status written =
+            frame->image.empty()
+                ? store_.finish_frame(key.job_id, frame->record)
+                : store_.finish_small_frame(key.job_id, frame->record, frame->image);
+        if (written.ok()) tell_finished(key, spec->owner);
+        return written;
       },
       [this, key, frame](const absl::Status& status) {
         if (status.ok()) return note_finished(key, *frame);
@@ -214,6 +217,11 @@ bool FrameFinisher::may_record(const FrameKey& key) {
   return false;
 }
 
+void FrameFinisher::tell_finished(const FrameKey& key, const std::string& owner) {
+  pipeline_.tell(
+      {0, 0, EventKind::frame_finished, key.job_id, owner, "", absl::StrCat("frame ", key.frame)});
+}
+
 void FrameFinisher::note_finished(const FrameKey& key, const FinishedFrame& frame) {
   FarmChange change(farm_);
   Job* job = change.find_job(key.job_id);
@@ -222,15 +230,17 @@ void FrameFinisher::note_finished(const FrameKey& key, const FinishedFrame& fram
   film.finishing.erase(key.frame);
   film.count_finished(frame.record, frame.summary);
   film.open_block_index(*job).erase(key.frame);
-  change.note(EventKind::frame_finished, *job, "", absl::StrCat("frame ", key.frame));
   change.log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " finished"));
   change.scheduler().finish_frame(*job, key.frame, change.now());
 }
 
 void FrameFinisher::redo(const FrameKey& key, const std::vector<Unit>& units,
                          bool reset_pass_targets) {
+  std::shared_ptr<const JobSpec> spec;
+  if (const FarmView view(farm_); const Job* job = view.find_job(key.job_id)) spec = job->spec;
   const absl::Status status = store_.drop_units(key.job_id, units);
   if (!status.ok()) return fail(key, status);
+  if (spec != nullptr) budgets_.recount(*spec);  // they are no longer charged
   FarmChange change(farm_);
   Job* job = change.find_job(key.job_id);
   if (job == nullptr) return;

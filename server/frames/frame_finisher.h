@@ -15,6 +15,7 @@
 #include "server/film/film_cache.h"
 #include "server/frames/finished_frame.h"
 #include "server/frames/frame_films.h"
+#include "server/settings/budgets.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
 #include "server/sync/task_queue.h"
@@ -35,8 +36,8 @@ struct FilmUpdate {
 /// thread.
 class FrameFinisher final : public EffectHandler {
  public:
-  FrameFinisher(FarmState& farm, Store& store, CommitPipeline& pipeline)
-      : farm_(farm), store_(store), pipeline_(pipeline), films_(farm, store) {}
+  FrameFinisher(FarmState& farm, Store& store, CommitPipeline& pipeline, Budgets& budgets)
+      : farm_(farm), store_(store), pipeline_(pipeline), budgets_(budgets), films_(farm, store) {}
 
   /// The film thread's tasks.
   TaskQueue& tasks() { return tasks_; }
@@ -70,6 +71,7 @@ class FrameFinisher final : public EffectHandler {
   void estimate(const FrameKey& key);
   void finish(const FrameKey& key);
   bool may_record(const FrameKey& key);
+  void tell_finished(const FrameKey& key, const std::string& owner);
   void note_finished(const FrameKey& key, const FinishedFrame& frame);
   bool redo_damaged(const FrameKey& key, const absl::Status& status);
   void fail(const FrameKey& key, const absl::Status& status);
@@ -77,6 +79,7 @@ class FrameFinisher final : public EffectHandler {
   FarmState& farm_;
   Store& store_;
   CommitPipeline& pipeline_;
+  Budgets& budgets_;
   TaskQueue tasks_;
   // Film thread only.
   FrameFilms films_;

@@ -302,6 +302,7 @@ void BlockIntake::note_committed(FarmChange& change, Job& job, const UnitRecord&
   count_committed(change, job, record, samples);
   job.counters.cost += block.header.cost;
   scheduler.commit(job, record.unit, record.worker_id, record.cpu_seconds);
+  budgets_.charge(change, job, record.cpu_seconds);
   if (scheduler.is_quarantined(record.worker_id)) {  // found faulty in the meantime
     audits_.redo_frame(change, job, record.unit.frame, record.worker_id);
   } else if (record.audit == AuditState::open) {

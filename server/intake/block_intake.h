@@ -52,6 +52,7 @@ class BlockIntake {
     IngestBudget& budget;
     FrameFinisher& finisher;
     AuditOutcomes& audits;
+    Budgets& budgets;
   };
   explicit BlockIntake(const Parts& parts)
       : farm_(parts.farm),
@@ -59,7 +60,8 @@ class BlockIntake {
         pipeline_(parts.pipeline),
         budget_(parts.budget),
         finisher_(parts.finisher),
-        audits_(parts.audits) {}
+        audits_(parts.audits),
+        budgets_(parts.budgets) {}
 
   /// Checks that a worker with this ID has a session under this certificate, and notes the contact.
   /// Errors: FailedPrecondition.
@@ -127,6 +129,7 @@ class BlockIntake {
   IngestBudget& budget_;
   FrameFinisher& finisher_;
   AuditOutcomes& audits_;
+  Budgets& budgets_;
   DeliveryLog deliveries_;
 
   Mutex mutex_;  // never with the farm locked

@@ -20,6 +20,7 @@ constexpr std::chrono::seconds kCheckPeriod{10};
 /// blocks and images.
 constexpr std::int64_t kRoomToResume = std::int64_t{256} << 20;
 constexpr std::size_t kOldJobsAtOnce = 16;
+constexpr std::size_t kMaxBlockedWorkers = 1000;
 
 absl::Status no_such_job(const std::string& job_id) {
   return absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
@@ -61,6 +62,8 @@ void apply_update(const JobAdmin::Update& update, JobSpec& spec) {
   if (update.pool) spec.pool = *update.pool;
   if (update.limits) spec.limits = *update.limits;
   if (update.clear_dependencies) spec.after.clear();
+  spec.blocked_workers.insert(update.block_workers.begin(), update.block_workers.end());
+  for (const std::string& worker : update.unblock_workers) spec.blocked_workers.erase(worker);
 }
 
 /// Returns what update_job() can change, for events and the log.
@@ -74,6 +77,9 @@ std::string describe(const JobSpec& spec) {
   }
   for (const Dependency& dependency : spec.after) {
     absl::StrAppend(&text, ", after job ", dependency.job_id);
+  }
+  for (const std::string& worker : spec.blocked_workers) {
+    absl::StrAppend(&text, ", not on worker ", worker);
   }
   return text;
 }
@@ -232,16 +238,22 @@ absl::StatusOr<JobView> JobAdmin::update_now(const std::string& job_id, const Up
     apply_update(update, *spec);
     absl::Status exist = check_limits_exist(view, update.limits.value_or(std::vector<LimitUse>{}));
     if (!exist.ok()) return exist;
+    if (spec->blocked_workers.size() > kMaxBlockedWorkers) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("job ", job_id, " has ", kMaxBlockedWorkers, " blocked workers already"));
+    }
     spec->request = farm_.options().write_request(*spec);
     if (spec->request == job->spec->request) return view.view(*job);
     record = view.record(*job);
   }
   record.request = spec->request;
-  if (absl::Status written = store_.rewrite_job(record, {}); !written.ok()) return written;
+  const Event event{0, 0, EventKind::job_changed, job_id, spec->owner, "", describe(*spec)};
+  const absl::Status written =
+      pipeline_.write_and_tell([&] { return store_.rewrite_job(record, {}); }, event);
+  if (!written.ok()) return written;
   FarmChange change(farm_);
   Job& job = *change.find_job(job_id);  // only this thread removes jobs
   change.scheduler().change(job, spec, change.now());
-  change.note(EventKind::job_changed, job, "", describe(*spec));
   change.log(LogLevel::info, absl::StrCat("job ", job_id, " changed: ", describe(*spec)));
   return change.view(job);
 }
@@ -254,6 +266,7 @@ void JobAdmin::remove_job(const std::string& job_id, std::function<void(absl::St
 
 /// Removes the rows, then the job in memory: if the rows cannot be written, it stays listed.
 absl::Status JobAdmin::remove_now(const std::string& job_id) {
+  Event event{0, 0, EventKind::job_removed, job_id, "", "", ""};
   {
     const FarmView view(farm_);
     const Job* job = view.find_job(job_id);
@@ -262,8 +275,11 @@ absl::Status JobAdmin::remove_now(const std::string& job_id) {
       return absl::FailedPreconditionError(
           absl::StrCat("job ", job_id, " has not ended; cancel it first"));
     }
+    event.owner = job->spec->owner;
   }
-  if (absl::Status removed = store_.remove_job(job_id); !removed.ok()) return removed;
+  const absl::Status removed =
+      pipeline_.write_and_tell([&] { return store_.remove_job(job_id); }, event);
+  if (!removed.ok()) return removed;
   JobKey key = 0;
   std::shared_ptr<const JobSpec> spec;
   {
@@ -276,7 +292,6 @@ absl::Status JobAdmin::remove_now(const std::string& job_id) {
       change.scheduler().end_job(job, JobState::cancelled, "removed", change.now());
     }
     finisher_.close_frames(job);
-    change.note(EventKind::job_removed, job, "", "");
     change.remove_job(job);
   }
   return assets_.release(key, *spec);

@@ -53,11 +53,12 @@ class JobAdmin {
   };
   /// Extends a job durably, then calls `done`. After an error nothing has changed.
   void extend_job(const std::string& job_id, const Extension& extension, OnJob done);
-  /// New order, requirements and limits of a job; absent: unchanged.
+  /// New order, requirements, limits and blocked workers of a job; absent: unchanged.
   struct Update {
     std::optional<std::int32_t> priority, max_workers;
     std::optional<std::string> required_tag, pool;
     std::optional<std::vector<LimitUse>> limits;
+    std::vector<std::string> block_workers, unblock_workers;
     bool clear_dependencies = false;
   };
   /// Changes a job that is not done durably, then calls `done`. After an error nothing has changed.

@@ -20,6 +20,7 @@ JobRecord new_record(const JobSpec& spec, std::int64_t create_time_us) {
   record.state = static_cast<std::int32_t>(JobState::queued);
   record.create_time_us = create_time_us;
   record.render_contract = spec.render_contract;
+  record.project = spec.project;
   return record;
 }
 
@@ -152,6 +153,10 @@ absl::Status JobAdmission::add_row(Request& request) {
     status = store_.add_job(request.record);
     if (!absl::IsAlreadyExists(status)) break;
   }
+  const JobRecord& job = request.record;
+  if (status.ok()) {
+    pipeline_.tell({0, 0, EventKind::job_submitted, job.id, job.owner, "", job.name});
+  }
   return status;
 }
 
@@ -175,7 +180,6 @@ JobView JobAdmission::add(const Request& request) {
   FarmChange change(farm_);
   Job& job = change.add_job(record.sequence, std::move(spec), JobState::queued);
   change.film(job).create_time_us = record.create_time_us;
-  change.note(EventKind::job_submitted, job, "", record.name);
   change.scheduler().offer_work(change.now());
   return change.view(job);
 }

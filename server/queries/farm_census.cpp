@@ -13,15 +13,21 @@ namespace {
 
 /// Values of the gauges, from one pass over jobs and workers.
 struct Census {
-  std::array<std::int64_t, 6> jobs{};  // by JobState − 1
+  std::array<std::int64_t, 6> jobs{};         // by JobState − 1
+  std::array<std::int64_t, 3> paused_jobs{};  // by PauseCause − 1
   std::int64_t waiting = 0, blocked = 0, paused = 0, leased = 0, committed = 0;
-  std::int64_t working = 0, draining = 0, quarantined = 0, disconnected = 0, lost = 0, threads = 0;
+  std::int64_t working = 0, draining = 0, quarantined = 0, set_aside = 0, disconnected = 0,
+               lost = 0, threads = 0;
 
   std::map<std::string, double> pool_waiting, pool_oldest, pool_threads;  // by pool
   std::map<std::string, double> limit_units, limit_used;                  // by limit
 
-  void add(const Scheduler& scheduler, const Job& job, Time now) {
+  void add(const FarmView& farm, const Job& job) {
+    const Scheduler& scheduler = farm.scheduler();
     ++jobs[static_cast<std::size_t>(job.state) - 1];
+    if (job.state == JobState::paused) {
+      ++paused_jobs[static_cast<std::size_t>(farm.pause_cause(job)) - 1];
+    }
     if (has_ended(job.state)) return;
     const std::int64_t total = job.plan ? job.plan->unit_count() : job.unit_count;
     const std::int64_t done = job.plan ? job.plan->committed_count() : 0;
@@ -40,7 +46,7 @@ struct Census {
     const std::string pool = job.spec->pool.empty() ? kDefaultPool : job.spec->pool;
     pool_waiting[pool] += static_cast<double>(open);
     double& oldest = pool_oldest[pool];
-    if (job.waiting_since) oldest = std::max(oldest, seconds(now - *job.waiting_since));
+    if (job.waiting_since) oldest = std::max(oldest, seconds(farm.now() - *job.waiting_since));
   }
   /// Returns how many of the units that are not leased no other job blocks.
   static std::int64_t leasable(const Job& job, std::int64_t rest) {
@@ -65,6 +71,8 @@ struct Census {
       ++quarantined;
     } else if (worker.lost) {
       ++lost;
+    } else if (worker.connected && worker.set_aside) {
+      ++set_aside;
     } else {
       ++(worker.connected ? draining : disconnected);
     }
@@ -78,9 +86,7 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
   Census census;
   {
     const FarmView view(parts_.farm);
-    for (const auto& [key, job] : view.scheduler().jobs()) {
-      census.add(view.scheduler(), job, view.now());
-    }
+    for (const auto& [key, job] : view.scheduler().jobs()) census.add(view, job);
     census.add(view.scheduler().limits());
     for (const auto& [key, worker] : view.scheduler().workers()) census.add(worker);
   }
@@ -96,6 +102,7 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
   set(metrics.workers.working, census.working);
   set(metrics.workers.draining, census.draining);
   set(metrics.workers.quarantined, census.quarantined);
+  set(metrics.workers.set_aside, census.set_aside);
   set(metrics.workers.disconnected, census.disconnected);
   set(metrics.workers.lost, census.lost);
   set(metrics.worker_threads, census.threads);
@@ -110,6 +117,14 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
   metrics.pools.worker_threads.set(census.pool_threads);
   metrics.limits.units.set(census.limit_units);
   metrics.limits.used_units.set(census.limit_used);
+  for (std::size_t i = 0; i < census.paused_jobs.size(); ++i) {
+    set(*metrics.paused_jobs[i], census.paused_jobs[i]);
+  }
+  std::map<std::string, double> used;
+  for (const auto& [account, state] : parts_.budgets.list("")) {
+    used[account_text(account)] = state.used_cpu_seconds / state.budget.cpu_seconds;
+  }
+  metrics.budget_used_fraction.set(used);
   set(metrics.ingest_bytes, parts_.budget.used_bytes());
   set(metrics.film_queue_length, parts_.finisher.tasks().size());
   set(metrics.film_bytes, parts_.finisher.films().cache().used_bytes());

@@ -11,6 +11,7 @@
 #include "server/frames/frame_finisher.h"
 #include "server/intake/ingest_budget.h"
 #include "server/report/job_view.h"
+#include "server/settings/budgets.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
 #include "server/telemetry/delivery_log.h"
@@ -27,6 +28,7 @@ class FarmQueries {
     FrameFinisher& finisher;
     const IngestBudget& budget;
     const DeliveryLog& deliveries;
+    const Budgets& budgets;
   };
   explicit FarmQueries(const Parts& parts) : parts_(parts) {}
 
@@ -48,6 +50,18 @@ class FarmQueries {
   /// Returns up to `limit` recent deliveries of a job after a sequence. Errors: NotFound.
   absl::StatusOr<std::vector<Delivery>> deliveries(const std::string& job_id, std::int64_t after,
                                                    std::size_t limit) const;
+  /// Returns events that the store keeps, oldest first, up to `limit`. May be slow. Errors: those
+  /// of the store.
+  absl::StatusOr<std::vector<Event>> stored_events(const EventQuery& query,
+                                                   std::size_t limit) const {
+    return parts_.store.events().read(query, limit);
+  }
+  /// Sequence up to which events are no longer kept.
+  std::int64_t last_dropped_event() const { return parts_.store.events().last_dropped(); }
+  /// Returns what jobs used. May be slow. Errors: those of the store.
+  absl::StatusOr<std::vector<UsageSum>> usage(const UsageQuery& query, std::size_t limit) const {
+    return parts_.store.usage().read(query, limit);
+  }
   /// Returns the metrics for Prometheus. Visits all jobs and workers in one section.
   std::vector<prometheus::MetricFamily> metrics() const;
 

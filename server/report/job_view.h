@@ -14,14 +14,20 @@
 
 namespace tessera::server {
 
+/// Why a job is paused; numbers as in v1.Job.PauseCause.
+enum class PauseCause : std::int32_t { none = 0, user = 1, store_full = 2, failures = 3 };
+
 /// A snapshot of a job for clients.
 struct JobView {
   JobKey key = 0;
   std::shared_ptr<const JobSpec> spec;  // owners: the coordinator and this copy
   JobState state = JobState::queued;
   std::string reason;
-  absl::StatusCode failure_code = absl::StatusCode::kOk;  // of a failed job
-  std::int64_t create_time_us = 0, end_time_us = 0;       // wall clock; 0: not ended
+  /// Of a job that has failed, or that failures have paused.
+  absl::StatusCode failure_code = absl::StatusCode::kOk;
+  std::vector<FailedAttempt> failed_attempts;
+  PauseCause pause_cause = PauseCause::none;
+  std::int64_t create_time_us = 0, end_time_us = 0;  // wall clock; 0: not ended
   std::int64_t unit_count = 0, committed_unit_count = 0, leased_unit_count = 0;
   std::int32_t frame_count = 0, finished_frame_count = 0;
   std::int64_t committed_sample_count = 0, sample_count = 0;

@@ -1,14 +1,32 @@
 #include "server/service/farm_service.h"
 
+#include <utility>
+
 #include "absl/strings/str_cat.h"
 #include "rpc/rpc_status.h"
 #include "server/service/finish.h"
+#include "server/service/messages/account_messages.h"
+#include "server/service/messages/field_checks.h"
+#include "server/service/messages/message_budget.h"
 #include "server/service/messages/messages.h"
 
 namespace tessera::server {
 namespace {
 
 constexpr std::int64_t kMaxUnits = 1'000'000;
+constexpr int kMaxUsagePage = 10'000;
+
+/// Adds up to `size` sums, and the token if there are more or the message is full.
+void add_page(const std::vector<UsageSum>& sums, int size, v1::ListUsageResponse& response) {
+  MessageBudget budget;
+  for (const UsageSum& sum : sums) {
+    v1::Usage usage = to_message(sum);
+    if (response.usage_size() == size || !budget.add(usage)) break;
+    *response.add_usage() = std::move(usage);
+  }
+  const auto count = static_cast<std::size_t>(response.usage_size());
+  if (count < sums.size()) response.set_next_page_token(page_token_after(sums[count - 1]));
+}
 
 }  // namespace
 
@@ -53,6 +71,71 @@ grpc::ServerUnaryReactor* FarmService::ListLimits(grpc::CallbackServerContext* c
     *response->add_limits() = to_message(limit);
   }
   return finish(context, absl::OkStatus());
+}
+
+grpc::ServerUnaryReactor* FarmService::SetBudget(grpc::CallbackServerContext* context,
+                                                 const v1::SetBudgetRequest* request,
+                                                 v1::SetBudgetResponse* response) {
+  const absl::Status status = access_.admit(*context, "FarmService.SetBudget").status();
+  if (!status.ok()) return finish(context, status);
+  const auto account = to_account(request->budget().scope(), request->budget().name());
+  if (!account.ok()) return finish(context, account.status());
+  const auto budget = from_message(request->budget());
+  if (!budget.ok()) return finish(context, budget.status());
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  coordinator_.budgets().set(*account, *budget, [=](const absl::StatusOr<Budgets::Entry>& set) {
+    if (set.ok()) *response->mutable_budget() = to_message(set->first, set->second);
+    reactor->Finish(contract::to_rpc(set.status()));
+  });
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* FarmService::RemoveBudget(grpc::CallbackServerContext* context,
+                                                    const v1::RemoveBudgetRequest* request,
+                                                    v1::RemoveBudgetResponse* /*response*/) {
+  const absl::Status status = access_.admit(*context, "FarmService.RemoveBudget").status();
+  if (!status.ok()) return finish(context, status);
+  const auto account = to_account(request->scope(), request->name());
+  if (!account.ok()) return finish(context, account.status());
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  coordinator_.budgets().remove(*account, [reactor](const absl::Status& removed) {
+    reactor->Finish(contract::to_rpc(removed));
+  });
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* FarmService::ListBudgets(grpc::CallbackServerContext* context,
+                                                   const v1::ListBudgetsRequest* /*request*/,
+                                                   v1::ListBudgetsResponse* response) {
+  const auto caller = access_.admit(*context, "FarmService.ListBudgets");
+  if (!caller.ok()) return finish(context, caller.status());
+  for (const auto& [account, state] : coordinator_.budgets().list(caller->visible_owner())) {
+    *response->add_budgets() = to_message(account, state);
+  }
+  return finish(context, absl::OkStatus());
+}
+
+grpc::ServerUnaryReactor* FarmService::ListUsage(grpc::CallbackServerContext* context,
+                                                 const v1::ListUsageRequest* request,
+                                                 v1::ListUsageResponse* response) {
+  const auto caller = access_.admit(*context, "FarmService.ListUsage");
+  if (!caller.ok()) return finish(context, caller.status());
+  absl::Status status = check_range("page_size", request->page_size(), 0, kMaxUsagePage);
+  auto query = from_message(*request);
+  status.Update(query.status());
+  if (!status.ok()) return finish(context, status);
+  if (const std::string owner = caller->visible_owner(); !owner.empty()) {
+    if (query->owner.value_or(owner) != owner) return finish(context, absl::OkStatus());
+    query->owner = owner;
+  }
+  const int size = request->page_size() == 0 ? kMaxUsagePage : request->page_size();
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  io_.post([this, query = *std::move(query), size, response, reactor] {
+    const auto sums = coordinator_.queries().usage(query, static_cast<std::size_t>(size) + 1);
+    if (sums.ok()) add_page(*sums, size, *response);
+    reactor->Finish(contract::to_rpc(sums.status()));
+  });
+  return reactor;
 }
 
 }  // namespace tessera::server

@@ -2,11 +2,12 @@
 
 #include "server/coordinator/coordinator.h"
 #include "server/service/access/access.h"
+#include "server/service/streams/io_pool.h"
 #include "tessera/v1/farm_service.grpc.pb.h"
 
 namespace tessera::server {
 
-/// gRPC front end of the farm's settings: checks and converts messages, maps errors.
+/// gRPC front end of the farm's settings and accounts: checks and converts messages, maps errors.
 class FarmService final : public v1::FarmService::CallbackService {
  public:
   /// Both must outlive the server this is registered with.
@@ -22,10 +23,23 @@ class FarmService final : public v1::FarmService::CallbackService {
   grpc::ServerUnaryReactor* ListLimits(grpc::CallbackServerContext* context,
                                        const v1::ListLimitsRequest* request,
                                        v1::ListLimitsResponse* response) override;
+  grpc::ServerUnaryReactor* SetBudget(grpc::CallbackServerContext* context,
+                                      const v1::SetBudgetRequest* request,
+                                      v1::SetBudgetResponse* response) override;
+  grpc::ServerUnaryReactor* RemoveBudget(grpc::CallbackServerContext* context,
+                                         const v1::RemoveBudgetRequest* request,
+                                         v1::RemoveBudgetResponse* response) override;
+  grpc::ServerUnaryReactor* ListBudgets(grpc::CallbackServerContext* context,
+                                        const v1::ListBudgetsRequest* request,
+                                        v1::ListBudgetsResponse* response) override;
+  grpc::ServerUnaryReactor* ListUsage(grpc::CallbackServerContext* context,
+                                      const v1::ListUsageRequest* request,
+                                      v1::ListUsageResponse* response) override;
 
  private:
   Coordinator& coordinator_;
   const Access& access_;
+  IoPool io_{1};  // reads accounts
 };
 
 }  // namespace tessera::server

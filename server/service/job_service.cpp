@@ -242,7 +242,7 @@ grpc::ServerWriteReactor<v1::WatchEventsResponse>* JobService::WatchEvents(
   auto caller = request->job_id().empty()
                     ? access_.admit(*context, "JobService.WatchEvents")
                     : admit(*context, "JobService.WatchEvents", request->job_id());
-  return watch_events(coordinator_, access_, *request, caller);
+  return watch_events(coordinator_, access_, io_, *request, caller);
 }
 
 }  // namespace tessera::server

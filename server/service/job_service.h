@@ -72,7 +72,7 @@ class JobService final : public v1::JobService::CallbackService {
 
   Coordinator& coordinator_;
   const Access& access_;
-  IoPool io_{2};  // reads images
+  IoPool io_{2};  // reads images and old events
 };
 
 }  // namespace tessera::server

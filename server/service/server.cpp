@@ -8,10 +8,13 @@
 #include <chrono>
 #include <filesystem>
 #include <optional>
+#include <thread>
 #include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/synchronization/notification.h"
+#include "absl/time/time.h"
 #include "rpc/channel.h"
 #include "rpc/credentials.h"
 #include "server/identity/join_tokens.h"
@@ -28,6 +31,7 @@ namespace tessera::server {
 namespace {
 
 constexpr std::chrono::milliseconds kShutdownGrace{300};
+constexpr absl::Duration kHealthPeriod = absl::Milliseconds(500);
 constexpr char kUnixPrefix[] = "unix:";
 /// A connection that has not finished its handshakes by then is closed.
 constexpr int kHandshakeTimeoutMs = 10'000;
@@ -107,7 +111,8 @@ absl::StatusOr<Endpoint> make_endpoint(const ListenOptions& options) {
 class GrpcFarmServer final : public FarmServer {
  public:
   GrpcFarmServer(Coordinator& coordinator, Endpoint endpoint, Log log)
-      : log_(std::move(log)),
+      : health_(coordinator.health()),
+        log_(std::move(log)),
         credentials_(std::move(endpoint.credentials)),
         access_(std::move(endpoint.access)),
         admission_(coordinator, std::move(endpoint.join_tokens)),
@@ -146,6 +151,8 @@ class GrpcFarmServer final : public FarmServer {
     if (!server_) {
       return absl::UnavailableError(absl::StrCat("cannot listen on ", address, ": is it in use?"));
     }
+    health_.set_accepting(true);
+    reporter_ = std::thread([this] { report_health(); });
     address_ = address;
     if (gate_ != nullptr) {
       address_ = absl::StrCat(address.substr(0, address.rfind(':')), ":", gate_->port());
@@ -159,12 +166,29 @@ class GrpcFarmServer final : public FarmServer {
 
   void stop() override {
     if (!server_) return;
+    health_.set_accepting(false);
+    stopping_.Notify();
+    reporter_.join();
     gate_.reset();
     server_->Shutdown(std::chrono::system_clock::now() + kShutdownGrace);
     server_.reset();
   }
 
  private:
+  /// Passes the state of health to the health service until the server stops.
+  void report_health() {
+    grpc::HealthCheckServiceInterface* service = server_->GetHealthCheckService();
+    do {
+      const bool is_ready = health_.why_unready().empty();
+      service->SetServingStatus("liveness", health_.why_dead().empty());
+      service->SetServingStatus("readiness", is_ready);
+      service->SetServingStatus("", is_ready);
+    } while (!stopping_.WaitForNotificationWithTimeout(kHealthPeriod));
+  }
+
+  Health& health_;
+  absl::Notification stopping_;
+  std::thread reporter_;
   const Log log_;
   const std::shared_ptr<grpc::ServerCredentials> credentials_;
   const Access access_;

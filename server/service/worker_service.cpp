@@ -8,6 +8,7 @@
 #include "rpc/rpc_status.h"
 #include "rpc/settings_message.h"
 #include "server/service/finish.h"
+#include "server/service/messages/field_checks.h"
 #include "server/service/messages/message_budget.h"
 #include "server/service/messages/messages.h"
 #include "server/service/streams/deliver_stream.h"
@@ -17,6 +18,7 @@ namespace tessera::server {
 namespace {
 
 constexpr std::int32_t kMaxWorkersPerPage = 100'000;
+constexpr std::size_t kMaxReasonLetters = 200;
 
 std::function<void(absl::Status)> answer_with(grpc::ServerUnaryReactor* reactor) {
   return [reactor](const absl::Status& status) { reactor->Finish(contract::to_rpc(status)); };
@@ -122,6 +124,27 @@ grpc::ServerUnaryReactor* WorkerService::MoveWorker(grpc::CallbackServerContext*
   if (!status.ok()) return finish(context, status);
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   coordinator_.settings().move_worker(request->worker_id(), request->pool(), answer_with(reactor));
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* WorkerService::SetAsideWorker(grpc::CallbackServerContext* context,
+                                                        const v1::SetAsideWorkerRequest* request,
+                                                        v1::SetAsideWorkerResponse* /*response*/) {
+  absl::Status status = access_.admit(*context, "WorkerService.SetAsideWorker").status();
+  if (status.ok()) status = check_text("reason", request->reason(), 0, kMaxReasonLetters);
+  if (!status.ok()) return finish(context, status);
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  coordinator_.settings().set_aside(request->worker_id(), request->reason(), answer_with(reactor));
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* WorkerService::BringBackWorker(
+    grpc::CallbackServerContext* context, const v1::BringBackWorkerRequest* request,
+    v1::BringBackWorkerResponse* /*response*/) {
+  const absl::Status status = access_.admit(*context, "WorkerService.BringBackWorker").status();
+  if (!status.ok()) return finish(context, status);
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  coordinator_.settings().bring_back(request->worker_id(), answer_with(reactor));
   return reactor;
 }
 

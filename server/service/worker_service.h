@@ -43,6 +43,12 @@ class WorkerService final : public v1::WorkerService::CallbackService {
   grpc::ServerUnaryReactor* MoveWorker(grpc::CallbackServerContext* context,
                                        const v1::MoveWorkerRequest* request,
                                        v1::MoveWorkerResponse* response) override;
+  grpc::ServerUnaryReactor* SetAsideWorker(grpc::CallbackServerContext* context,
+                                           const v1::SetAsideWorkerRequest* request,
+                                           v1::SetAsideWorkerResponse* response) override;
+  grpc::ServerUnaryReactor* BringBackWorker(grpc::CallbackServerContext* context,
+                                            const v1::BringBackWorkerRequest* request,
+                                            v1::BringBackWorkerResponse* response) override;
 
  private:
   Coordinator& coordinator_;

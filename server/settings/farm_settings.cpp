@@ -14,6 +14,10 @@ absl::Status no_such_limit(const std::string& name) {
   return absl::NotFoundError(absl::StrCat("no limit \"", name, "\""));
 }
 
+absl::Status no_such_worker(const std::string& worker_id) {
+  return absl::NotFoundError(absl::StrCat("no worker \"", worker_id, "\""));
+}
+
 Settings limit_rows(const Limits& limits) {
   Settings rows;
   for (const auto& [name, limit] : limits.all()) {
@@ -40,6 +44,11 @@ absl::Status FarmSettings::load(FarmChange& change) {
   const auto pools = store_.settings(SettingKind::pool);
   if (!pools.ok()) return pools.status();
   for (const auto& [worker, pool] : *pools) change.scheduler().move(worker, pool, change.now());
+  const auto aside = store_.settings(SettingKind::aside);
+  if (!aside.ok()) return aside.status();
+  for (const auto& [worker, reason] : *aside) {
+    change.scheduler().set_aside(worker, reason, change.now());
+  }
   const auto use = store_.settings(SettingKind::use);
   if (!use.ok()) return use.status();
   std::vector<UsageRow> table;
@@ -106,7 +115,7 @@ absl::Status FarmSettings::remove_limit_now(const std::string& name) {
   return absl::OkStatus();
 }
 
-// Pools ------------------------------------------------------------------------------------------
+// Workers ----------------------------------------------------------------------------------------
 
 void FarmSettings::move_worker(const std::string& worker_id, const std::string& pool,
                                std::function<void(absl::Status)> done) {
@@ -118,9 +127,9 @@ absl::Status FarmSettings::move_now(const std::string& worker_id, const std::str
   Settings rows;
   {
     FarmChange change(farm_);
-    rows = change.scheduler().moved();
+    rows = change.scheduler().placement().moved();
     if (change.scheduler().find_worker(worker_id) == nullptr && rows.count(worker_id) == 0) {
-      return absl::NotFoundError(absl::StrCat("no worker \"", worker_id, "\""));
+      return no_such_worker(worker_id);
     }
   }
   if (pool.empty()) {
@@ -128,15 +137,70 @@ absl::Status FarmSettings::move_now(const std::string& worker_id, const std::str
   } else {
     rows[worker_id] = pool;
   }
-  if (absl::Status saved = store_.save_settings(SettingKind::pool, rows); !saved.ok()) {
-    return saved;
-  }
+  const absl::Status saved =
+      pipeline_.write_and_tell([&] { return store_.save_settings(SettingKind::pool, rows); },
+                               {0, 0, EventKind::worker_moved, "", "", worker_id,
+                                pool.empty() ? "its own pool" : absl::StrCat("pool ", pool)});
+  if (!saved.ok()) return saved;
   FarmChange change(farm_);
   change.scheduler().move(worker_id, pool, change.now());
   const Worker* worker = change.scheduler().find_worker(worker_id);
   const std::string now_in = worker != nullptr ? worker->pool : pool;
-  change.note(EventKind::worker_moved, worker_id, absl::StrCat("pool ", now_in));
   change.log(LogLevel::info, absl::StrCat("worker ", worker_id, " is in pool ", now_in));
+  return absl::OkStatus();
+}
+
+void FarmSettings::set_aside(const std::string& worker_id, const std::string& reason,
+                             std::function<void(absl::Status)> done) {
+  pipeline_.post([this, worker_id, reason, done = std::move(done)] {
+    done(set_aside_now(worker_id, reason));
+  });
+}
+
+absl::Status FarmSettings::set_aside_now(const std::string& worker_id, const std::string& reason) {
+  Settings rows;
+  {
+    FarmChange change(farm_);
+    rows = change.scheduler().placement().aside();
+    if (change.scheduler().find_worker(worker_id) == nullptr && rows.count(worker_id) == 0) {
+      return no_such_worker(worker_id);
+    }
+  }
+  rows[worker_id] = reason;
+  const absl::Status saved =
+      pipeline_.write_and_tell([&] { return store_.save_settings(SettingKind::aside, rows); },
+                               {0, 0, EventKind::worker_set_aside, "", "", worker_id, reason});
+  if (!saved.ok()) return saved;
+  FarmChange change(farm_);
+  change.scheduler().set_aside(worker_id, reason, change.now());
+  change.log(LogLevel::info, absl::StrCat("worker ", worker_id, " is set aside",
+                                          reason.empty() ? "" : ": ", reason));
+  return absl::OkStatus();
+}
+
+void FarmSettings::bring_back(const std::string& worker_id,
+                              std::function<void(absl::Status)> done) {
+  pipeline_.post([this, worker_id, done = std::move(done)] { done(bring_back_now(worker_id)); });
+}
+
+absl::Status FarmSettings::bring_back_now(const std::string& worker_id) {
+  Settings rows;
+  {
+    FarmChange change(farm_);
+    rows = change.scheduler().placement().aside();
+    if (rows.count(worker_id) == 0) {
+      const bool is_known = change.scheduler().find_worker(worker_id) != nullptr;
+      return is_known ? absl::OkStatus() : no_such_worker(worker_id);
+    }
+  }
+  rows.erase(worker_id);
+  const absl::Status saved =
+      pipeline_.write_and_tell([&] { return store_.save_settings(SettingKind::aside, rows); },
+                               {0, 0, EventKind::worker_brought_back, "", "", worker_id, ""});
+  if (!saved.ok()) return saved;
+  FarmChange change(farm_);
+  change.scheduler().bring_back(worker_id, change.now());
+  change.log(LogLevel::info, absl::StrCat("worker ", worker_id, " is back"));
   return absl::OkStatus();
 }
 

@@ -19,8 +19,8 @@ struct LimitView {
   std::int64_t units = 0, used = 0;
 };
 
-/// Limits, pools of workers, and the use of owners: what operators set, and what the farm remembers
-/// besides jobs. Durable before a change is in effect. Thread-safe.
+/// Limits, places of workers, and the use of owners: what operators set, and what the farm
+/// remembers besides jobs. Durable before a change is in effect. Thread-safe.
 class FarmSettings {
  public:
   static constexpr std::size_t kMaxLimits = 10'000;
@@ -45,6 +45,14 @@ class FarmSettings {
   void move_worker(const std::string& worker_id, const std::string& pool,
                    std::function<void(absl::Status)> done);
 
+  /// Sets a worker aside durably, then calls `done`. Errors: NotFound, it was not connected within
+  /// the last hour; those of the store.
+  void set_aside(const std::string& worker_id, const std::string& reason,
+                 std::function<void(absl::Status)> done);
+  /// Brings a worker back durably, then calls `done`. Errors: NotFound, it is neither set aside nor
+  /// was it connected within the last hour; those of the store.
+  void bring_back(const std::string& worker_id, std::function<void(absl::Status)> done);
+
   /// Writes the use of owners. Call every few seconds: a crash loses what was used since.
   void write_use(FarmChange& change);
 
@@ -52,6 +60,8 @@ class FarmSettings {
   absl::StatusOr<LimitView> set_limit_now(const std::string& name, std::int64_t units);
   absl::Status remove_limit_now(const std::string& name);
   absl::Status move_now(const std::string& worker_id, const std::string& pool);
+  absl::Status set_aside_now(const std::string& worker_id, const std::string& reason);
+  absl::Status bring_back_now(const std::string& worker_id);
 
   FarmState& farm_;
   Store& store_;

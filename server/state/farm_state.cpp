@@ -10,10 +10,11 @@ namespace {
 
 constexpr char kStoreFull[] = "store full: ";  // begins the reason of a job that waits for room
 
-EventKind event_kind(JobState state) {
-  switch (state) {
+EventKind event_kind(const Job& job) {
+  switch (job.state) {
     case JobState::paused:
-      return EventKind::job_paused;
+      return job.is_paused_by_failures() ? EventKind::job_paused_by_failures
+                                         : EventKind::job_paused;
     case JobState::done:
       return EventKind::job_done;
     case JobState::failed:
@@ -29,8 +30,8 @@ EventKind event_kind(JobState state) {
 
 bool is_empty(const Effects& effects) {
   return effects.to_wake.empty() && effects.to_close.empty() && effects.to_close_unread.empty() &&
-         effects.changed.empty() && effects.roster.empty() && effects.audited.empty() &&
-         effects.faulty_workers.empty();
+         effects.changed.empty() && effects.revised.empty() && effects.roster.empty() &&
+         effects.audited.empty() && effects.faulty_workers.empty();
 }
 
 }  // namespace
@@ -67,10 +68,17 @@ const JobFilm& FarmView::film(const Job& job) const ABSL_NO_THREAD_SAFETY_ANALYS
 
 JobView FarmView::view(const Job& job) const {
   JobView view = film(job).view(job, now());
+  view.pause_cause = pause_cause(job);
   if (view.reason.empty() && (job.state == JobState::queued || job.state == JobState::running)) {
     view.reason = scheduler().wait_text(job);
   }
   return view;
+}
+
+PauseCause FarmView::pause_cause(const Job& job) {
+  if (job.state != JobState::paused) return PauseCause::none;
+  if (job.is_paused_by_failures()) return PauseCause::failures;
+  return FarmChange::waits_for_room(job) ? PauseCause::store_full : PauseCause::user;
 }
 
 JobRecord FarmView::record(const Job& job) const {
@@ -102,8 +110,9 @@ void FarmChange::settle() {
 
 /// Notes a job's new state: event, log, time of its end.
 void FarmChange::note_state(const Job& job) {
-  if (job.state != JobState::queued) note(event_kind(job.state), job, "", job.reason);
-  log(job.state == JobState::failed ? LogLevel::warn : LogLevel::info,
+  if (job.state != JobState::queued) note(event_kind(job), job, "", job.reason);
+  log(job.state == JobState::failed || job.is_paused_by_failures() ? LogLevel::warn
+                                                                   : LogLevel::info,
       absl::StrCat("job ", job.spec->id, " is ", state_name(job.state),
                    job.reason.empty() ? "" : ": ", job.reason));
   JobFilm& its_film = film(job);

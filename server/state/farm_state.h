@@ -50,6 +50,7 @@ class FarmState {
   Time now() const { return options_.clock(); }
   /// Recent events; has a lock of its own.
   EventLog& events() { return events_; }
+  const EventLog& events() const { return events_; }
   /// Writes a line to the server's log. Without the farm's lock: see FarmView::log.
   void log(LogLevel level, const std::string& message) const;
 
@@ -84,6 +85,7 @@ class ABSL_SCOPED_LOCKABLE FarmView {
   const JobFilm& film(const Job& job) const;
   /// Returns a snapshot for clients.
   JobView view(const Job& job) const;
+  static PauseCause pause_cause(const Job& job);
   /// Returns the job's row.
   JobRecord record(const Job& job) const;
 

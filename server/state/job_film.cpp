@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "contract/pass_schedule.h"
+#include "server/state/failed_attempts.h"
 
 namespace tessera::server {
 
@@ -71,6 +72,7 @@ JobView JobFilm::view(const Job& job, Time now) const {
   view.state = job.state;
   view.reason = job.reason;
   view.failure_code = job.failure_code;
+  view.failed_attempts = job.failed_attempts;
   view.create_time_us = create_time_us;
   view.end_time_us = end_time_us;
   view.unit_count = job.plan ? job.plan->unit_count() : job.unit_count;
@@ -111,6 +113,8 @@ JobRecord JobFilm::record(const Job& job, Time now) const {
   record.end_time_us = end_time_us;
   record.wall_seconds = job.wall_seconds(now);
   record.render_contract = job.spec->render_contract;
+  record.project = job.spec->project;
+  record.failed_attempts = write_failed_attempts(job.failed_attempts);
   return record;
 }
 

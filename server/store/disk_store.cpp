@@ -47,6 +47,8 @@ JobRecord read_job(const SqlRow& row) {
   job.wall_seconds = row.real(10);
   job.render_contract = static_cast<std::int32_t>(row.integer(11));
   job.failure_code = static_cast<std::int32_t>(row.integer(12));
+  job.project = row.text(13);
+  job.failed_attempts = row.text(14);
   return job;
 }
 
@@ -82,11 +84,11 @@ absl::Status DiskStore::add_job(JobRecord& job) {
   return journal_->write([&](Database& rows) {
     absl::Status added = rows.run(
         "INSERT INTO jobs(id, request_id, name, owner, request, state, reason, create_time_us, "
-        "end_time_us, wall_seconds, render_contract, failure_code) "
-        "VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "end_time_us, wall_seconds, render_contract, failure_code, project, failed_attempts) "
+        "VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         {job.id, optional_text(job.request_id), job.name, job.owner, Blob{job.request}, job.state,
          job.reason, job.create_time_us, job.end_time_us, job.wall_seconds, job.render_contract,
-         job.failure_code});
+         job.failure_code, job.project, job.failed_attempts});
     if (absl::IsAlreadyExists(added)) {
       return absl::AlreadyExistsError(
           absl::StrCat("job ", job.id, " or its request ", job.request_id, " is already in use"));
@@ -112,9 +114,11 @@ absl::Status DiskStore::update_job(const JobRecord& job) {
 absl::Status DiskStore::update_row(Database& rows, const JobRecord& job) {
   const absl::Status updated = rows.run(
       "UPDATE jobs SET name=?, owner=?, request=?, state=?, reason=?, create_time_us=?, "
-      "end_time_us=?, wall_seconds=?, render_contract=?, failure_code=? WHERE id=? AND removed=0",
+      "end_time_us=?, wall_seconds=?, render_contract=?, failure_code=?, failed_attempts=? "
+      "WHERE id=? AND removed=0",
       {job.name, job.owner, Blob{job.request}, job.state, job.reason, job.create_time_us,
-       job.end_time_us, job.wall_seconds, job.render_contract, job.failure_code, job.id});
+       job.end_time_us, job.wall_seconds, job.render_contract, job.failure_code,
+       job.failed_attempts, job.id});
   return updated.ok() && rows.changes() == 0 ? no_such_job(job.id) : updated;
 }
 
@@ -141,7 +145,8 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
          {"DELETE FROM units WHERE job=?", "DELETE FROM totals WHERE job=?",
           "DELETE FROM segments WHERE job=?", "DELETE FROM blocks WHERE job=?",
           "DELETE FROM frames WHERE job=?", "DELETE FROM images WHERE job=?",
-          "UPDATE jobs SET removed=1, name='', owner='', request='', reason='' WHERE sequence=?"}) {
+          "UPDATE jobs SET removed=1, request='', reason='', failed_attempts='' WHERE "
+          "sequence=?"}) {
       if (absl::Status gone = rows.run(sql, {job->sequence}); !gone.ok()) return gone;
     }
     return absl::OkStatus();
@@ -162,8 +167,8 @@ absl::StatusOr<std::vector<JobRecord>> DiskStore::jobs() const {
   absl::Status status = journal_->read([&](Database& rows) {
     return rows.each(
         "SELECT sequence, id, request_id, name, owner, request, state, reason, create_time_us, "
-        "end_time_us, wall_seconds, render_contract, failure_code FROM jobs WHERE removed=0 "
-        "ORDER BY sequence",
+        "end_time_us, wall_seconds, render_contract, failure_code, project, failed_attempts "
+        "FROM jobs WHERE removed=0 ORDER BY sequence",
         {}, [&](const SqlRow& row) { jobs.push_back(read_job(row)); });
   });
   if (!status.ok()) return status;
@@ -201,11 +206,12 @@ absl::Status DiskStore::commit(std::vector<Commit>& group) {
     absl::Status appended = append_job(job_id, jobs[job_id], units);
     if (!appended.ok()) return appended;
   }
+  const std::int64_t hour = options_.now_us() / kHourUs;
   absl::Status status = journal_->write([&](Database& rows) {
     for (const auto& [job_id, units] : by_job) {
       absl::Status inserted;
       if (in_rows.count(job_id) > 0) inserted = insert_blocks(rows, jobs[job_id].sequence, units);
-      if (inserted.ok()) inserted = insert_units(rows, jobs[job_id], units);
+      if (inserted.ok()) inserted = insert_units(rows, jobs[job_id], hour, units);
       if (!inserted.ok()) return inserted;
     }
     return absl::OkStatus();
@@ -267,18 +273,20 @@ absl::Status DiskStore::insert_blocks(Database& rows, std::int64_t job,
   return absl::OkStatus();
 }
 
-absl::Status DiskStore::insert_units(Database& rows, const JobRow& job,
+absl::Status DiskStore::insert_units(Database& rows, const JobRow& job, std::int64_t hour,
                                      const std::vector<Commit*>& units) {
   std::int64_t bytes = 0;
+  double cpu_seconds = 0;
   for (const Commit* commit : units) {
     const UnitRecord& record = commit->record;
     bytes += record.stored_bytes;
+    cpu_seconds += record.cpu_seconds;
     absl::Status inserted = rows.run(
         "INSERT INTO units(job, frame, tile, pass, segment, offset, size_bytes, stored_bytes, "
-        "sha256, worker, cpu_seconds, audit) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "sha256, worker, cpu_seconds, audit, hour) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         {job.sequence, record.unit.frame, record.unit.tile, record.unit.pass, record.segment,
          record.offset, record.size_bytes, record.stored_bytes, blob_of(record.sha256),
-         record.worker_id, record.cpu_seconds, static_cast<std::int64_t>(record.audit)});
+         record.worker_id, record.cpu_seconds, static_cast<std::int64_t>(record.audit), hour});
     if (absl::IsAlreadyExists(inserted)) {
       return absl::AlreadyExistsError(
           absl::StrCat("unit (", record.unit.frame, ", ", record.unit.tile, ", ", record.unit.pass,
@@ -286,7 +294,9 @@ absl::Status DiskStore::insert_units(Database& rows, const JobRow& job,
     }
     if (!inserted.ok()) return inserted;
   }
-  if (units.front()->record.segment == kInRow) return absl::OkStatus();
+  absl::Status charged = UsageRows::charge(rows, job.sequence, hour,
+                                           static_cast<std::int64_t>(units.size()), cpu_seconds);
+  if (!charged.ok() || units.front()->record.segment == kInRow) return charged;
   return rows.run(
       "INSERT INTO segments(job, segment, bytes) VALUES(?1, ?2, ?3) "
       "ON CONFLICT(job, segment) DO UPDATE SET bytes=bytes+?3",
@@ -354,7 +364,10 @@ absl::Status DiskStore::drop_units(const std::string& job_id,
                                    const std::vector<contract::Unit>& units) {
   const auto job = find_job(job_id);
   if (!job.ok()) return job.status();
-  return journal_->write([&](Database& rows) { return delete_units(rows, job->sequence, units); });
+  return journal_->write([&](Database& rows) {
+    absl::Status refunded = UsageRows::refund(rows, job->sequence, units);
+    return refunded.ok() ? delete_units(rows, job->sequence, units) : refunded;
+  });
 }
 
 /// Their bytes stay in the segments or rows, and in the size, until those are released.

@@ -9,11 +9,13 @@
 #include <vector>
 
 #include "server/store/disk_assets.h"
+#include "server/store/event_rows.h"
 #include "server/store/files/ballast.h"
 #include "server/store/files/durable_files.h"
 #include "server/store/files/segments.h"
 #include "server/store/sqlite/journal.h"
 #include "server/store/store.h"
+#include "server/store/usage_rows.h"
 
 namespace tessera::server {
 
@@ -84,6 +86,9 @@ class DiskStore final : public Store {
   absl::Status remove_stale_joins(const std::vector<std::string>& valid,
                                   std::int64_t unseen_since_us) override;
 
+  EventStore& events() override { return *events_; }
+  const EventStore& events() const override { return *events_; }
+  const UsageStore& usage() const override { return *usage_; }
   absl::Status save_settings(SettingKind kind, const Settings& settings) override;
   absl::StatusOr<Settings> settings(SettingKind kind) const override;
 
@@ -124,7 +129,7 @@ class DiskStore final : public Store {
   static absl::Status add_up_units(Database& rows, std::int64_t job);
   static absl::Status insert_blocks(Database& rows, std::int64_t job,
                                     const std::vector<Commit*>& units);
-  static absl::Status insert_units(Database& rows, const JobRow& job,
+  static absl::Status insert_units(Database& rows, const JobRow& job, std::int64_t hour,
                                    const std::vector<Commit*>& units);
   absl::StatusOr<std::string> read_row_block(std::int64_t id) const;
   absl::StatusOr<std::string> output_path(const std::string& job_id,
@@ -142,6 +147,8 @@ class DiskStore final : public Store {
   std::unique_ptr<FileLock> lock_;
   std::unique_ptr<Journal> journal_;
   Segments segments_;
+  std::unique_ptr<EventRows> events_;
+  std::unique_ptr<UsageRows> usage_;
   std::unique_ptr<DiskAssets> assets_;
   std::string id_, key_;
   std::int64_t boot_count_ = 0;

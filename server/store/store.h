@@ -13,7 +13,9 @@
 #include "contract/digest.h"
 #include "contract/unit.h"
 #include "server/store/asset_store.h"
+#include "server/store/event_store.h"
 #include "server/store/files/filesystem.h"
+#include "server/store/usage_store.h"
 
 namespace tessera::server {
 
@@ -31,6 +33,8 @@ struct JobRecord {
   std::int64_t create_time_us = 0, end_time_us = 0;  // wall clock, for display only
   double wall_seconds = 0;                           // running time, summed over restarts
   std::int32_t render_contract = 0;                  // contract::kRenderContract of its first lease
+  std::string project;
+  std::string failed_attempts;  // JSON; opaque here
 };
 
 /// State of a committed unit's audit; the numbers are stored.
@@ -73,7 +77,9 @@ struct Join {
 enum class SettingKind : std::int32_t {
   limit = 1,  // units, by limit
   pool = 2,   // pool, by worker that an operator moved
-  use = 3     // CPU seconds that count in fair share, by owner
+  use = 3,    // CPU seconds that count in fair share, by owner
+  aside = 4,  // reason, by worker that an operator set aside
+  budget = 5  // by account
 };
 /// Settings of one kind, by name.
 using Settings = std::map<std::string, std::string>;
@@ -99,6 +105,8 @@ struct StoreOptions {
   /// Free pages that the database file may keep; with more, and more than a quarter of the file, it
   /// is shrunk.
   int slack_pages = 256;
+  /// Number of events that are kept.
+  std::int64_t max_events = 200'000;
   /// Wall clock, µs since 1970; empty: the system's. Used only for the age of assets and joins.
   std::function<std::int64_t()> now_us;
   /// Called with a message when a sync fails. Must not return except in a test, where all later
@@ -154,7 +162,8 @@ class Store {
   virtual absl::Status add_job(JobRecord& job) = 0;
   /// Rewrites name, owner, state, reason, request and times of a job. Errors: NotFound.
   virtual absl::Status update_job(const JobRecord& job) = 0;
-  /// Deletes the job's rows, segments and outputs. Its ID stays reserved. Errors: NotFound.
+  /// Deletes the job's rows, segments and outputs. Its ID stays reserved; its name, owner and
+  /// project stay for the accounts. Errors: NotFound.
   virtual absl::Status remove_job(const std::string& job_id) = 0;
   /// Returns all jobs in order of sequence.
   virtual absl::StatusOr<std::vector<JobRecord>> jobs() const = 0;
@@ -181,7 +190,7 @@ class Store {
   /// not have, in one transaction. Errors: NotFound.
   virtual absl::Status rewrite_job(const JobRecord& job,
                                    const std::vector<contract::Unit>& dropped) = 0;
-  /// Removes committed units, to be rendered again; durable on return.
+  /// Removes committed units, to be rendered again, with their charge; durable on return.
   virtual absl::Status drop_units(const std::string& job_id,
                                   const std::vector<contract::Unit>& units) = 0;
 
@@ -238,6 +247,10 @@ class Store {
   /// `unseen_since_us`, except joins with a token in `valid`, which count towards its limit.
   virtual absl::Status remove_stale_joins(const std::vector<std::string>& valid,
                                           std::int64_t unseen_since_us) = 0;
+
+  virtual EventStore& events() = 0;
+  virtual const EventStore& events() const = 0;
+  virtual const UsageStore& usage() const = 0;
 
   /// Replaces all settings of a kind; durable on return.
   virtual absl::Status save_settings(SettingKind kind, const Settings& settings) = 0;

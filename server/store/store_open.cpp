@@ -136,6 +136,9 @@ absl::Status DiskStore::start() {
     if (!synced.ok()) return synced;
   }
   // This commit also makes durable what a killed process committed but did not sync.
+  events_ = std::make_unique<EventRows>(*journal_, options_.max_events);
+  usage_ = std::make_unique<UsageRows>(*journal_);
+  if (absl::Status opened = events_->open(); !opened.ok()) return opened;
   const absl::Status counted = journal_->write([&](Database& rows) {
     return rows.run(
         "INSERT INTO store(one, id, key, boot_count) VALUES(1, ?, ?, 1) "

@@ -7,7 +7,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr int kSequenceBits = 40;  // per process
+constexpr int kSequenceBits = 40;  // per process; see also the schema's step to events
 
 /// The first event newer than a sequence.
 auto newer_than(const std::deque<Event>& events, std::int64_t sequence) {
@@ -27,19 +27,83 @@ std::string cut_text(std::string text, std::size_t max_bytes) {
 EventLog::EventLog(std::int64_t boot_count, std::function<std::int64_t()> wall_us)
     : wall_us_(std::move(wall_us)), last_sequence_(boot_count << kSequenceBits) {}
 
-void EventLog::add(Event event) {
-  const std::int64_t now_us = wall_us_();
+void EventLog::load(std::vector<Event> events, std::int64_t last_dropped) {
   const std::lock_guard lock(mutex_);
-  event.sequence = ++last_sequence_;
-  event.time_us = now_us;
+  const bool has_all = events.size() < kMaxEvents;
+  complete_after_ = has_all ? last_dropped : events.front().sequence - 1;
+  if (!events.empty()) last_sequence_ = std::max(last_sequence_, events.back().sequence);
+  events_.assign(std::make_move_iterator(events.begin()), std::make_move_iterator(events.end()));
+}
+
+// Writing ----------------------------------------------------------------------------------------
+
+Event EventLog::stamp(Event event) const {
+  event.time_us = wall_us_();
   event.text = cut_text(std::move(event.text), kMaxTextBytes);
-  if (event.kind != EventKind::log_line) {
-    events_.push_back(std::move(event));
-    if (events_.size() > kMaxEvents) events_.pop_front();
-    return;
+  return event;
+}
+
+void EventLog::add(Event event) {
+  event = stamp(std::move(event));
+  bool is_first = false;
+  {
+    const std::lock_guard lock(mutex_);
+    is_first = pending_.empty();
+    pending_.push_back(std::move(event));
+    if (pending_.size() > kMaxPending) {  // nothing can be written
+      has_lost_ = has_lost_ || pending_.front().kind != EventKind::log_line;
+      pending_.pop_front();
+    }
   }
-  std::deque<Event>& lines = lines_[event.job_id];
-  lines.push_back(std::move(event));
+  if (is_first && wake_) wake_();
+}
+
+bool EventLog::has_pending() const {
+  const std::lock_guard lock(mutex_);
+  return !pending_.empty();
+}
+
+EventLog::Pending EventLog::take_pending() {
+  const std::lock_guard lock(mutex_);
+  Pending taken{
+      {std::make_move_iterator(pending_.begin()), std::make_move_iterator(pending_.end())},
+      std::exchange(has_lost_, false)};
+  pending_.clear();
+  return taken;
+}
+
+void EventLog::put_back(Pending pending) {
+  const std::lock_guard lock(mutex_);
+  has_lost_ = has_lost_ || pending.has_lost;
+  pending_.insert(pending_.begin(), std::make_move_iterator(pending.events.begin()),
+                  std::make_move_iterator(pending.events.end()));
+}
+
+std::vector<Event> EventLog::number(std::vector<Event> events) const {
+  const std::lock_guard lock(mutex_);
+  std::int64_t sequence = last_sequence_;
+  for (Event& event : events) event.sequence = ++sequence;
+  return events;
+}
+
+void EventLog::publish(std::vector<Event> events) {
+  const std::lock_guard lock(mutex_);
+  for (Event& event : events) {
+    last_sequence_ = event.sequence;
+    if (event.kind == EventKind::log_line) {
+      keep_line(std::move(event));
+      continue;
+    }
+    events_.push_back(std::move(event));
+    if (events_.size() <= kMaxEvents) continue;
+    complete_after_ = events_.front().sequence;
+    events_.pop_front();
+  }
+}
+
+void EventLog::keep_line(Event line) {
+  std::deque<Event>& lines = lines_[line.job_id];
+  lines.push_back(std::move(line));
   ++line_count_;
   if (lines.size() <= kMaxLinesOfJob && line_count_ <= kMaxLines) return;
   // The job's own oldest line, or the oldest of all.
@@ -54,31 +118,46 @@ void EventLog::add(Event event) {
   if (victim->second.empty()) lines_.erase(victim);
 }
 
+// Reading ----------------------------------------------------------------------------------------
+
 std::int64_t EventLog::newest() const {
   const std::lock_guard lock(mutex_);
   return last_sequence_;
 }
 
-std::vector<Event> EventLog::read(const Query& query, std::size_t limit) const {
+std::int64_t EventLog::complete_after() const {
   const std::lock_guard lock(mutex_);
+  return complete_after_;
+}
+
+std::vector<Event> EventLog::read(const EventQuery& query, std::size_t limit) const {
   std::vector<Event> found;
-  for (auto event = newer_than(events_, query.after);
-       event != events_.end() && found.size() < limit; ++event) {
-    if (!query.job_id.empty() && event->job_id != query.job_id) continue;
-    if (!query.owner.empty() && !event->job_id.empty() && event->owner != query.owner) continue;
-    found.push_back(*event);
+  std::int64_t last = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    last = last_sequence_;
+    for (auto event = newer_than(events_, query.after);
+         event != events_.end() && found.size() < limit; ++event) {
+      if (!query.job_id.empty() && event->job_id != query.job_id) continue;
+      if (is_visible_to(*event, query.owner)) found.push_back(*event);
+    }
+    if (found.size() == limit && limit > 0) last = found.back().sequence;
   }
+  found = with_lines(std::move(found), query, last);
+  if (found.size() > limit) found.resize(limit);
+  return found;
+}
+
+std::vector<Event> EventLog::with_lines(std::vector<Event> events, const EventQuery& query,
+                                        std::int64_t last) const {
+  if (query.job_id.empty()) return events;
+  const std::lock_guard lock(mutex_);
   const auto lines = lines_.find(query.job_id);
-  if (query.job_id.empty() || lines == lines_.end()) return found;
-  // Both lists are in order: merge the oldest `limit` events.
-  const auto first = newer_than(lines->second, query.after);
-  const auto count = std::min<std::ptrdiff_t>(std::distance(first, lines->second.end()),
-                                              static_cast<std::ptrdiff_t>(limit));
+  if (lines == lines_.end()) return events;
   std::vector<Event> all;
-  all.reserve(found.size() + static_cast<std::size_t>(count));
-  std::merge(found.begin(), found.end(), first, first + count, std::back_inserter(all),
+  std::merge(events.begin(), events.end(), newer_than(lines->second, query.after),
+             newer_than(lines->second, last), std::back_inserter(all),
              [](const Event& a, const Event& b) { return a.sequence < b.sequence; });
-  if (all.size() > limit) all.resize(limit);
   return all;
 }
 

@@ -9,71 +9,74 @@
 #include <string>
 #include <vector>
 
+#include "server/store/event_store.h"
+
 namespace tessera::server {
-
-/// Kind of an event; numbers as in v1.Event.Kind.
-enum class EventKind : std::int32_t {
-  job_submitted = 1,
-  job_running,
-  job_paused,
-  job_done,
-  job_failed,
-  job_cancelled,
-  job_removed,
-  frame_finished,
-  unit_failed,
-  worker_joined,
-  worker_lost,
-  worker_quarantined,
-  worker_drained,
-  worker_banned,
-  worker_allowed,
-  log_line,
-  job_changed,
-  worker_moved,
-};
-
-struct Event {
-  std::int64_t sequence = 0;  // set by the log
-  std::int64_t time_us = 0;   // wall clock, set by the log
-  EventKind kind = EventKind::log_line;
-  std::string job_id, owner;  // owner of that job; both empty if the event concerns no job
-  std::string worker_id;
-  std::string text;
-};
 
 /// Returns the first `max_bytes` bytes of UTF-8 text, without a partial character at the end.
 std::string cut_text(std::string text, std::size_t max_bytes);
 
-/// Recent events and log lines. In memory and bounded: the newest kMaxEvents events, and
-/// separately, so that log lines displace no events, the newest kMaxLines lines of workers' logs,
-/// kMaxLinesOfJob per job, kMaxTextBytes each. Thread-safe.
+/// The newest events and log lines, in memory. An event becomes visible, and gets its sequence,
+/// once it is durable (CommitPipeline), so that no reader sees one that a crash undoes.
+///
+/// Bounded: the newest kMaxEvents events, and separately, so that log lines displace no events, the
+/// newest kMaxLines lines of workers' logs, kMaxLinesOfJob per job, kMaxTextBytes each. The store
+/// has older events, but no lines. Thread-safe.
 class EventLog {
  public:
   static constexpr std::size_t kMaxEvents = 10'000;
   static constexpr std::size_t kMaxLines = 50'000, kMaxLinesOfJob = 2'000;
   static constexpr std::size_t kMaxTextBytes = 1024;
+  static constexpr std::size_t kMaxPending = 20'000;
 
   /// Sequences increase across restarts if `boot_count` does. `wall_us`: µs since 1970.
   EventLog(std::int64_t boot_count, std::function<std::int64_t()> wall_us);
 
-  void add(Event event);
+  /// Called, on any thread, when there is something to write. Before any other thread exists.
+  void on_pending(std::function<void()> wake) { wake_ = std::move(wake); }
+  /// Fills the log with the newest events of the store. `last_dropped`: EventStore::last_dropped().
+  void load(std::vector<Event> events, std::int64_t last_dropped);
 
-  /// Selects events.
-  struct Query {
-    std::int64_t after = 0;  // only after this sequence
-    std::string job_id;      // this job's events and lines; empty: events of all jobs, no lines
-    std::string owner;       // this owner's jobs, and events without a job; empty: everybody's
+  /// Adds an event or a line, to be written soon.
+  void add(Event event);
+  bool has_pending() const;
+
+  // The writer thread.
+  /// Returns what was added, without sequences.
+  struct Pending {
+    std::vector<Event> events;
+    bool has_lost = false;  // events before these, of which there were too many
   };
-  /// Returns the oldest `limit` events that match, in order.
-  std::vector<Event> read(const Query& query, std::size_t limit) const;
+  Pending take_pending();
+  /// The write failed: what take_pending() returned comes first again.
+  void put_back(Pending pending);
+  /// Returns the event with its time.
+  Event stamp(Event event) const;
+  /// Numbers events with the next sequences.
+  std::vector<Event> number(std::vector<Event> events) const;
+  /// Makes numbered events visible, which are durable or lines.
+  void publish(std::vector<Event> events);
+
+  /// Returns the oldest `limit` events that match, in order: with a job also its lines.
+  std::vector<Event> read(const EventQuery& query, std::size_t limit) const;
+  /// Merges the lines of the query's job up to a sequence into `events`, which are in order.
+  std::vector<Event> with_lines(std::vector<Event> events, const EventQuery& query,
+                                std::int64_t last) const;
   /// Sequence of the newest event, even if it is no longer kept.
   std::int64_t newest() const;
+  /// Sequence after which all events are in memory.
+  std::int64_t complete_after() const;
 
  private:
+  void keep_line(Event line);
+
   const std::function<std::int64_t()> wall_us_;
+  std::function<void()> wake_;
   mutable std::mutex mutex_;  // guards what follows
   std::int64_t last_sequence_;
+  std::int64_t complete_after_ = 0;
+  std::deque<Event> pending_;
+  bool has_lost_ = false;
   std::deque<Event> events_;
   std::map<std::string, std::deque<Event>> lines_;  // by job
   std::size_t line_count_ = 0;

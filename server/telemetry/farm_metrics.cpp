@@ -72,7 +72,14 @@ FarmMetrics::Workers worker_gauges(Registry& registry) {
   Family<Gauge>& family =
       gauges(registry, "tessera_workers", "Workers connected, or lost within the last hour");
   const auto add = [&](const char* state) -> Gauge& { return family.Add({{"state", state}}); };
-  return {add("working"), add("draining"), add("quarantined"), add("disconnected"), add("lost")};
+  return {add("working"),   add("draining"),     add("quarantined"),
+          add("set_aside"), add("disconnected"), add("lost")};
+}
+
+std::array<Gauge*, 3> paused_job_gauges(Registry& registry) {
+  Family<Gauge>& family = gauges(registry, "tessera_jobs_paused", "Paused jobs, by cause");
+  const auto add = [&](const char* cause) { return &family.Add({{"cause", cause}}); };
+  return {add("user"), add("store_full"), add("failures")};
 }
 
 }  // namespace
@@ -125,6 +132,10 @@ FarmMetrics::FarmMetrics()
              "pool"}},
       limits{{gauges(registry_, "tessera_limit_units", "Units of the limit"), "limit"},
              {gauges(registry_, "tessera_limit_used_units", "Units of the limit that leases use"),
-              "limit"}} {}
+              "limit"}},
+      budget_used_fraction(gauges(registry_, "tessera_budget_used_fraction",
+                                  "Part of the budget that is used in its period"),
+                           "account"),
+      paused_jobs(paused_job_gauges(registry_)) {}
 
 }  // namespace tessera::server

@@ -44,7 +44,7 @@ class FarmMetrics {
   } units;
   std::array<prometheus::Gauge*, 6> jobs;  // by JobState − 1
   struct Workers {
-    prometheus::Gauge &working, &draining, &quarantined, &disconnected, &lost;
+    prometheus::Gauge &working, &draining, &quarantined, &set_aside, &disconnected, &lost;
   } workers;  // disconnected: without a stream, before the timeout
   prometheus::Gauge &worker_threads, &ingest_bytes, &film_bytes, &film_queue_length, &store_bytes;
 
@@ -55,7 +55,9 @@ class FarmMetrics {
   } pools;
   struct LimitGauges {
     LabelledGauges units, used_units;
-  } limits;  // by name
+  } limits;                                       // by name
+  LabelledGauges budget_used_fraction;            // by account
+  std::array<prometheus::Gauge*, 3> paused_jobs;  // by PauseCause − 1
 
   prometheus::Counter& acknowledgement(AckStatus status) {
     return *acknowledgements[static_cast<std::size_t>(status) - 1];

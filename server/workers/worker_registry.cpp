@@ -214,13 +214,17 @@ absl::Status WorkerRegistry::ban_now(const std::string& worker_id) {
     if (change.scheduler().find_worker(worker_id) == nullptr) return no_such_worker(worker_id);
     names = change.scheduler().names_to_ban(worker_id);
   }
-  for (const std::string& name : names) {
-    if (absl::Status status = store_.ban_worker(name); !status.ok()) return status;
-  }
+  const auto write = [&] {
+    absl::Status status;
+    for (const std::string& name : names) status.Update(store_.ban_worker(name));
+    return status;
+  };
+  const absl::Status written =
+      pipeline_.write_and_tell(write, {0, 0, EventKind::worker_banned, "", "", worker_id, ""});
+  if (!written.ok()) return written;
   FarmChange change(farm_);
   change.scheduler().ban(worker_id);
   change.scheduler().offer_work(change.now());
-  change.note(EventKind::worker_banned, worker_id, "");
   change.log(LogLevel::warn, absl::StrCat("worker ", worker_id, " is banned"));
   return absl::OkStatus();
 }

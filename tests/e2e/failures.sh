@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Faults that must fail a job fail it early and with a reason; others do not fail it.
+# Faults that must fail or pause a job do so early and with a reason; others do neither.
 . "$(dirname "$0")/farm.sh"
 
 job=(--size 64x64 --spp 8 --tile-size 16)  # 16 units of one pass
@@ -52,7 +52,7 @@ say "a scene the worker finds faulty gives 2 in render, submit --wait and watch"
 kill_worker judge
 
 # A unit that crashes its renderer each time, together with the units that run beside it. Three failures of
-# this unit fail the job, on one worker or on four; the other units have no failure.
+# this unit pause the job, on one worker or on four; the other units have no failure.
 threads=4
 for names in "p1" "p1 p2 p3 p4"; do
   count=$(wc -w <<<"$names")
@@ -62,7 +62,8 @@ for names in "p1" "p1 p2 p3 p4"; do
   id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name "poison")
   exits 1 farm watch "$id" --json
   farm status "$id" --json >"$work/status.json"
-  equal "the poisoned job failed" "$(json "$work/status.json" 'd["state"]')" failed
+  equal "the poisoned job is paused by failures" \
+    "$(json "$work/status.json" '[d["state"], d["paused_by"], len(d["failed_attempts"])]')" "paused failures 3"
   reason=$(json "$work/status.json" 'd["reason"]')
   equal "$count worker(s): the reason names three failures" \
     "$(grep -o 'renderer process died: killed by SIGSEGV' <<<"$reason" | wc -l)" 3

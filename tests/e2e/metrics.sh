@@ -26,6 +26,8 @@ say "metrics are not offered to other machines"
 
 start_server --metrics 127.0.0.1:0
 start_worker one --metrics 127.0.0.1:0
+exits 0 farm limits set licence 2
+exits 0 farm budgets set --owner local --cpu-hours 1000
 job=$(farm submit "$scenes/lit_square.gltf" --size 256x256 --spp 160 --tile-size 8 --name shot)
 wait_until 60 "units are committed" committed_at_least "$job" 3
 # While the worker is stopped, only results that it has delivered are still committed.
@@ -43,6 +45,10 @@ done=$(json "$work/report.json" 'd["units"]["committed"]')
 total=$(json "$work/report.json" 'd["units"]["total"]')
 [ "$done" -lt "$total" ] || fail "the job was done before its metrics were read"
 equal "in mid-job: units committed" "$(metric server.txt tessera_units_committed_total)" "$done"
+equal "in mid-job: the part of the budget, to a millisecond" \
+  "$(metric server.txt 'tessera_budget_used_fraction{account="client local"}' | awk '{ printf "%.3f", $1 * 3.6e6 }')" \
+  "$(json "$work/report.json" 'd["cpu_seconds"]' | xargs printf %.3f)"
+equal "in mid-job: a limit" "$(metric server.txt 'tessera_limit_units{limit="licence"}')" 2
 waiting=$(metric server.txt 'tessera_units{state="waiting"}')
 leased=$(metric server.txt 'tessera_units{state="leased"}')
 equal "in mid-job: units that wait ($waiting) or are leased ($leased)" \

@@ -30,12 +30,21 @@ struct UnitFailures {
   std::vector<Failure> failures;
   std::int32_t losses = 0;
   std::map<std::string, std::int32_t> losses_by_witness = {};
+  std::map<std::string, std::int32_t> losses_by_worker = {};  // by ID
   /// Witnesses that failed it, or lost it so often that others should try.
   std::set<std::string> witnesses() const;
 };
 
 /// Returns the witnesses of failures.
 std::set<std::string> witnesses_of(const std::vector<Failure>& failures);
+
+/// An attempt to render a unit that failed, for users.
+struct FailedAttempt {
+  contract::Unit unit;
+  std::string worker_id;
+  std::string message;
+  bool operator==(const FailedAttempt&) const = default;
+};
 
 /// A worker's share of a job.
 struct Contribution {
@@ -98,11 +107,14 @@ struct Job {
   JobState state = JobState::queued;
   Demand demand = {};  // set by Scheduler::set_demand()
   std::string reason;
-  absl::StatusCode failure_code = absl::StatusCode::kOk;  // of a failed job
-  std::int64_t unit_count = 0;                            // of the whole job
+  /// Of a job that has failed, or that failures have paused.
+  absl::StatusCode failure_code = absl::StatusCode::kOk;
+  std::vector<FailedAttempt> failed_attempts;  // because of which it has failed or is paused
+  std::int64_t unit_count = 0;                 // of the whole job
   std::int32_t frame_count = 0;
   std::optional<JobPlan> plan;            // created by the first lease
   bool is_blocked = false;                // by another job: none of its units may be leased
+  bool is_over_budget = false;            // likewise, by a budget
   std::set<std::int32_t> blocked_frames;  // each by the same frame of another job
   std::map<contract::Unit, UnitFailures> unit_failures;
   /// By frame: reports that its scene is at fault, at most one by each witness.
@@ -127,10 +139,15 @@ struct Job {
   double wall_seconds(Time now) const {
     return wall_seconds_before + (running_since ? seconds(now - *running_since) : 0);
   }
-  /// Returns whether units could be leased: the job is active and units are waiting, which no other
-  /// job blocks.
+  /// Returns whether units kept failing on independent workers; Scheduler::retry() resumes it.
+  bool is_paused_by_failures() const {
+    return state == JobState::paused && failure_code != absl::StatusCode::kOk;
+  }
+  /// Returns whether units could be leased: the job is active and units are waiting, which neither
+  /// another job nor a budget blocks.
   bool is_runnable() const {
-    if (is_blocked || (state != JobState::queued && state != JobState::running)) return false;
+    if (is_blocked || is_over_budget) return false;
+    if (state != JobState::queued && state != JobState::running) return false;
     if (plan) return plan->waiting_count() > 0;
     return blocked_frames.size() < static_cast<std::size_t>(frame_count);
   }

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -68,6 +69,16 @@ struct LimitUse {
   auto operator<=>(const LimitUse&) const = default;
 };
 
+/// Whose use is counted together; numbers as in v1.Budget.Scope.
+enum class AccountScope : std::int32_t { owner = 1, project = 2 };
+
+/// The jobs of an owner, or those of a project.
+struct Account {
+  AccountScope scope = AccountScope::owner;
+  std::string name;
+  auto operator<=>(const Account&) const = default;
+};
+
 /// The pool of workers and jobs that name none.
 inline constexpr char kDefaultPool[] = "default";
 
@@ -83,11 +94,13 @@ struct JobSpec {
   std::string request_id;
   std::string name;
   std::string owner;
-  std::int32_t priority = 0;     // higher first
-  std::int32_t max_workers = 0;  // 0: unlimited
-  std::string required_tag;      // empty: none
-  std::string pool;              // whose workers render it; empty: kDefaultPool
-  std::vector<LimitUse> limits;  // sorted, each limit once
+  std::int32_t priority = 0;              // higher first
+  std::int32_t max_workers = 0;           // 0: unlimited
+  std::string required_tag;               // empty: none
+  std::string pool;                       // whose workers render it; empty: kDefaultPool
+  std::vector<LimitUse> limits;           // sorted, each limit once
+  std::string project;                    // whose account its use is charged to; empty: none
+  std::set<std::string> blocked_workers;  // IDs of workers that are leased nothing of it
   std::vector<Dependency> after;
   contract::RenderSettings settings;
   std::string scene_uri;

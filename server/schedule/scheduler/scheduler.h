@@ -15,8 +15,9 @@
 #include "server/schedule/queue/audit_queue.h"
 #include "server/schedule/queue/dependencies.h"
 #include "server/schedule/queue/job_queue.h"
-#include "server/schedule/queue/limits.h"
+#include "server/schedule/queue/limited_queues.h"
 #include "server/schedule/workers/farm_census.h"
+#include "server/schedule/workers/placement.h"
 #include "server/schedule/workers/worker.h"
 
 namespace tessera::server {
@@ -29,7 +30,7 @@ struct SchedulePolicy {
   Duration timer_slack = std::chrono::seconds(1);     // a tick that is later than this extends all
                                                       // timeouts
   Duration forget_after = std::chrono::hours(1);      // lost workers are listed this long
-  std::int32_t failure_limit = 3;                     // failures of a unit that fail its job
+  std::int32_t failure_limit = 3;                     // failures of a unit that pause its job
   std::int32_t witness_limit = 2;      // of them, by independent witnesses, where there are others
   std::int32_t loss_limit = 10;        // losses of a unit that its job survives
   std::int32_t disproved_limit = 3;    // failures disproved by others that quarantine a worker
@@ -53,7 +54,8 @@ struct Effects {
   std::vector<WorkerKey> to_wake;          // workers with messages in the outbox
   std::vector<WorkerKey> to_close;         // lost workers whose stream, if any, must be closed
   std::vector<WorkerKey> to_close_unread;  // workers that leave their messages unread
-  std::vector<JobKey> changed;             // jobs whose row must be journaled
+  std::vector<JobKey> changed;             // jobs whose state is new and must be journaled
+  std::vector<JobKey> revised;             // jobs whose row must be journaled for another reason
   std::vector<std::pair<std::string, bool>> roster;  // worker ID; true: joined, false: gone
   std::vector<UnitName> audited;                     // units whose audit has ended
   std::vector<std::string> faulty_workers;  // workers whose committed units must be dropped
@@ -62,10 +64,12 @@ struct Effects {
 /// Why an active job is leased nothing.
 enum class WaitReason : std::uint8_t {
   none,          // it is being rendered, or nothing of it is waiting
+  budget,        // the budget of its owner or project is used up
   dependency,    // another job must make progress first
   no_workers,    // no worker at all
   no_pool,       // no worker in the pool
   no_tag,        // no worker in the pool with the required tag
+  blocked,       // all workers in the pool with the tag are blocked for it
   restart,       // after a restart, workers that hold leases may come back
   limit,         // all units of a limit are in use
   priority,      // jobs of higher priority go first
@@ -108,11 +112,12 @@ class Scheduler {
   /// Stops leasing units of the job; replaces the reason of an earlier pause. Errors:
   /// FailedPrecondition, the job has ended.
   absl::Status pause(Job& job, const std::string& reason, Time now);
+  /// Resumes a paused job; one that is paused because of failures like retry().
   absl::Status resume(Job& job, Time now);
   /// Errors: FailedPrecondition, the job is done or failed.
   absl::Status cancel(Job& job, Time now);
-  /// Resumes a failed or cancelled job with failure counts reset to zero. Errors:
-  /// FailedPrecondition, the job is done.
+  /// Resumes a job that has failed, was cancelled or is paused because of failures, with failure
+  /// counts reset to zero. Errors: FailedPrecondition, the job is done.
   absl::Status retry(Job& job, Time now);
   /// Ends the job: revokes its leases and notifies all workers that ever had one.
   void end_job(Job& job, JobState state, const std::string& reason, Time now);
@@ -121,8 +126,9 @@ class Scheduler {
   /// Changes to a longer schedule; `spec` has the new settings. The caller restores finished
   /// frames.
   void extend(Job& job, std::shared_ptr<const JobSpec> spec);
-  /// Changes priority, requirements, limits and dependencies; `spec` has the new ones and the same
-  /// settings. Units already leased are rendered.
+  /// Changes priority, requirements, limits, dependencies and blocked workers; `spec` has the new
+  /// ones and the same settings. Units already leased are rendered, but for those that a blocked
+  /// worker has not started.
   void change(Job& job, std::shared_ptr<const JobSpec> spec, Time now);
   /// Notes that a job was removed in this state, and fails the jobs that can never be leased for
   /// that reason. For jobs removed before a restart.
@@ -146,10 +152,13 @@ class Scheduler {
 
   // Limits ---------------------------------------------------------------------------------------
   /// Units of named limits, and how many are in use.
-  const Limits& limits() const { return limits_; }
+  const Limits& limits() const { return limited_.limits(); }
   void set_limit(const std::string& name, std::int64_t units, Time now);
   /// Returns whether the limit existed.
   bool remove_limit(const std::string& name, Time now);
+  /// Stops leasing units of jobs of these accounts, and only of these, for these reasons. Audits go
+  /// on.
+  void stop_accounts(std::map<Account, std::string> reasons, Time now);
 
   // Fair share -----------------------------------------------------------------------------------
   /// Returns what every owner has used and has not faded, without units in flight, for
@@ -242,8 +251,12 @@ class Scheduler {
   /// Moves a worker, present or not, to a pool; "": to the one that it names itself. It returns
   /// units that it has not started.
   void move(const std::string& worker_id, const std::string& pool, Time now);
-  /// Pools that operators moved workers to, by worker.
-  const std::map<std::string, std::string>& moved() const { return moved_; }
+  /// Sets a worker aside, present or not: it finishes the units that it has started, returns the
+  /// others and is leased nothing.
+  void set_aside(const std::string& worker_id, const std::string& reason, Time now);
+  void bring_back(const std::string& worker_id, Time now);
+  /// What operators decided with move() and set_aside().
+  const Placement& placement() const { return placement_; }
 
   // Time -----------------------------------------------------------------------------------------
   /// Call about every `period`: expires silent workers, ends the restart grace, balances the last
@@ -263,19 +276,8 @@ class Scheduler {
     std::int32_t disproved = 0;     // units that they failed and another witness rendered
   };
 
-  /// Queued jobs with the same requirement and the same limits, which are leased nothing together.
-  struct LimitedQueue {
-    std::string requirement;
-    std::vector<LimitUse> limits;
-    std::int64_t jobs = 0;
-  };
-
   void advance(Time now);
-  static std::string queue_name(const Job& job);
   static JobQueue::QueueKey queue_key(const Job& job);
-  Names queues_for(const Worker& worker) const;
-  void count_limited(const Job& job, int sign);
-  bool has_limited_work() const;
   void take_limits(Job& job);
   void give_back_limits(Job& job);
   DependencyState state_of(const Dependency& dependency) const;
@@ -284,6 +286,7 @@ class Scheduler {
   void check_dependents(const Job& job);
   void check_dependents(const Job& job, std::int32_t frame);
   std::string dependency_text(const Job& job) const;
+  const std::string* stop_reason(const Job& job) const;
   absl::Status verify_limits() const;
   static bool is_full(const Job& job);
   void refresh(Job& job);
@@ -297,7 +300,8 @@ class Scheduler {
   void lose_unit(Job& job, Worker& worker, const contract::Unit& unit, Time now);
   void mark_lost(Worker& worker, Time now);
   void forget(Worker& worker);
-  void set_pool(Worker& worker);
+  void place(Worker& worker);
+  void place_again(Worker& worker, Time now);
   void set_witness(Worker& worker, std::string witness);
   void forget_witness(Worker& worker);
   void adopt(Worker& worker, const Hello& hello, Time now);
@@ -312,13 +316,19 @@ class Scheduler {
   void forget_scene(const Worker& worker, const SceneKey& scene);
   void wake(Worker& worker);
   void revoke(Worker& worker, const Job& job, const contract::Unit& unit);
+  void revoke_units(Worker& worker, const Job& job);
 
   static bool holds(const Worker& worker, const Job& job, const contract::Unit& unit) {
     return worker.leased_units.count({job.key, unit}) > 0;
   }
+  bool has_witness_beyond(const Job& job, const Names& asked) const;
+  bool has_unblocked_witness(const Job& job, const std::string& witness) const;
   bool has_others(const Job& job, const Names& asked) const;
   Names failed_witnesses(const Job& job, const contract::Unit& unit) const;
-  bool fails_job(const Job& job, const contract::Unit& unit) const;
+  bool stops_job(const Job& job, const contract::Unit& unit) const;
+  static void list_attempts(Job& job, const contract::Unit& unit);
+  void pause_for_failures(Job& job, const contract::Unit& unit, const absl::Status& failure,
+                          Time now);
   void note_failing(Worker& worker, Job& job, Time now);
   void forgive(Job& job);
   void disprove(const Names& failed, const std::string& witness);
@@ -381,10 +391,10 @@ class Scheduler {
                              // only their present workers may take more
   JobQueue queue_;
   Dependencies dependencies_;
-  Limits limits_;
-  std::map<std::string, LimitedQueue> limited_;  // queues of jobs with limits, by queue_name()
-  std::map<std::string, std::string> moved_;     // pool, by worker
-  std::map<std::string, Demand> demands_;        // of unfinished jobs, by owner
+  LimitedQueues limited_;
+  Placement placement_;
+  std::map<Account, std::string> stopped_;  // reasons
+  std::map<std::string, Demand> demands_;   // of unfinished jobs, by owner
   std::map<WorkerKey, Worker> workers_;
   std::map<std::string, WorkerKey> worker_by_id_;
   std::map<std::string, std::set<WorkerKey>> workers_by_witness_;

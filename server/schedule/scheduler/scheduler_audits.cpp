@@ -17,7 +17,8 @@ constexpr int kAuditChecksPerTick = 64;  // audits checked per tick for having n
 
 /// Returns whether the worker could be leased units of the job, apart from its current load.
 bool Scheduler::could_audit(const Worker& worker, const Job& job) const {
-  return worker.is_present && worker.serves.count(job.requirement) > 0;
+  return worker.is_present && worker.serves.count(job.requirement) > 0 &&
+         job.spec->blocked_workers.count(worker.id) == 0;
 }
 
 bool Scheduler::wants_audit(const Job& job, const Unit& unit, const std::string& worker_id) {
@@ -26,7 +27,7 @@ bool Scheduler::wants_audit(const Job& job, const Unit& unit, const std::string&
   const double fraction = policy_.audit_fraction;
   const bool is_drawn = (is_first && fraction > 0) ||
                         is_drawn_for_audit(identity_.store_key, job.spec->id, unit, fraction);
-  return is_drawn && present_.has_witness_beyond(job.requirement, {witness_of(worker_id)});
+  return is_drawn && has_witness_beyond(job, {witness_of(worker_id)});
 }
 
 void Scheduler::open_audit(Job& job, const Unit& unit, const std::string& worker_id,
@@ -53,15 +54,34 @@ bool Scheduler::has_audits(const Job& job, std::int32_t frame) const {
   return first != job.audits.end() && first->first.frame == frame;
 }
 
+/// Returns whether a worker that is present, and not blocked for the job, has another witness than
+/// these.
+bool Scheduler::has_witness_beyond(const Job& job, const Names& asked) const {
+  if (job.spec->blocked_workers.empty()) {
+    return present_.has_witness_beyond(job.requirement, asked);
+  }
+  return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
+    return could_audit(entry.second, job) && asked.count(entry.second.witness) == 0;
+  });
+}
+
+/// Returns whether a worker of the witness is present and not blocked for the job.
+bool Scheduler::has_unblocked_witness(const Job& job, const std::string& witness) const {
+  const auto peers = workers_by_witness_.find(witness);
+  return peers != workers_by_witness_.end() &&
+         std::any_of(peers->second.begin(), peers->second.end(),
+                     [&](WorkerKey key) { return could_audit(workers_.at(key), job); });
+}
+
 /// Returns whether a witness that was not asked yet could be. In a dispute this includes one whose
 /// worker was lost recently: it may return, and a dispute between two consistent workers fails the
 /// job.
 bool Scheduler::has_others(const Job& job, const Audit& audit) const {
-  if (present_.has_witness_beyond(job.requirement, audit.witnesses())) return true;
+  if (has_witness_beyond(job, audit.witnesses())) return true;
   if (!audit.is_disputed() || !last_tick_) return false;
   return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
     const Worker& worker = entry.second;
-    return worker.lost && !worker.draining && !worker.quarantined &&
+    return worker.may_return() && job.spec->blocked_workers.count(worker.id) == 0 &&
            !audit.has_answered(worker.witness) &&
            *last_tick_ - worker.last_contact < policy_.audit_timeout;
   });
@@ -95,7 +115,7 @@ bool Scheduler::lease_audit_of(const AuditQueue::Groups& groups, Worker& worker)
       ++step_count_;
       Job& job = jobs_.at(key);
       Audit& audit = job.audits.at(unit);
-      if (limits_.room(job.spec->limits) == 0) continue;
+      if (limits().room(job.spec->limits) == 0) continue;
       if (may_audit(worker, job, audit)) {
         lease_audit(job, unit, audit, worker);
         return true;
@@ -219,12 +239,11 @@ void Scheduler::drop_audits(Job& job) {
 /// Returns whether a worker that is present could answer the audit.
 bool Scheduler::has_candidate(const Job& job, const Audit& audit) const {
   const Names asked = audit.witnesses();
-  if (present_.has_witness_beyond(job.requirement, asked)) return true;
+  if (has_witness_beyond(job, asked)) return true;
   if (!audit.is_disputed() || has_others(job, audit)) return false;
-  const FarmCensus::Count* count = present_.find(job.requirement);
-  return count != nullptr && std::any_of(asked.begin(), asked.end(), [&](const std::string& name) {
-           return count->witnesses.count(name) > 0 && audit.may_ask(name, false);
-         });
+  return std::any_of(asked.begin(), asked.end(), [&](const std::string& name) {
+    return has_unblocked_witness(job, name) && audit.may_ask(name, false);
+  });
 }
 
 /// Returns the audits of a group of AuditQueue that no worker can settle. Looks at a few only.

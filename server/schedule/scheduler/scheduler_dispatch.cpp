@@ -11,7 +11,8 @@ using contract::Unit;
 
 bool Scheduler::may_work_for(const Worker& worker, const Job& job) const {
   const JobSpec& spec = *job.spec;
-  if (worker.serves.count(job.requirement) == 0 || limits_.room(spec.limits) == 0) return false;
+  if (worker.serves.count(job.requirement) == 0 || limits().room(spec.limits) == 0) return false;
+  if (spec.blocked_workers.count(worker.id) > 0) return false;
   return spec.max_workers == 0 || job.holders.count(worker.key) > 0 ||
          static_cast<std::int32_t>(job.holders.size()) < spec.max_workers;
 }
@@ -69,7 +70,8 @@ JobKey Scheduler::next_full_job(const Worker& worker,
 /// and priority whose scene this worker has.
 JobKey Scheduler::next_job(const Worker& worker, const std::function<bool(JobKey)>& may) {
   Names open;  // a worker's own set suffices while no limit is in use
-  const Names& queues = limited_.empty() ? worker.serves : (open = queues_for(worker));
+  const Names& queues =
+      limited_.empty() ? worker.serves : (open = limited_.open_parts(worker.serves));
   const JobQueue::Seeker seeker{queues, may};
   const JobKey next = queue_.next(seeker, now_);
   const JobKey full = next_full_job(worker, may);
@@ -100,7 +102,8 @@ JobKey Scheduler::choose_job(const Worker& worker, const std::set<JobKey>& refus
   const bool has_paid_off =
       worker.load_seconds && worker.seconds_in_job >= policy_.load_factor * *worker.load_seconds;
   Names open;  // a worker's own set suffices while no limit is in use
-  const Names& queues = limited_.empty() ? worker.serves : (open = queues_for(worker));
+  const Names& queues =
+      limited_.empty() ? worker.serves : (open = limited_.open_parts(worker.serves));
   const JobQueue::Seeker seeker{queues, may};
   if (!has_paid_off && !queue_.has_above(current->spec->priority, seeker, now_)) {
     return current->key;
@@ -123,7 +126,7 @@ std::int32_t Scheduler::run_length(const Job& job, const Worker& worker) const {
   const auto leased = job.holders.find(worker.key);
   const std::int64_t room = share - (leased == job.holders.end() ? 0 : leased->second);
   return static_cast<std::int32_t>(std::min(
-      {static_cast<std::int64_t>(worker.credits), length, room, limits_.room(job.spec->limits)}));
+      {static_cast<std::int64_t>(worker.credits), length, room, limits().room(job.spec->limits)}));
 }
 
 Lease Scheduler::make_lease(const Job& job, const Worker& worker, const Run& run) {
@@ -181,7 +184,7 @@ bool Scheduler::lease_run(Job& job, Worker& worker, Time now) {
 /// Returns whether a worker with credits could be leased something.
 bool Scheduler::has_work() const {
   if (idle_.empty()) return false;
-  if (!full_.empty() || queue_.has_any(idle_tags_) || has_limited_work()) return true;
+  if (!full_.empty() || queue_.has_any(idle_tags_) || limited_.has_work(idle_tags_)) return true;
   const auto& by_tag = waiting_audits_.by_tag();
   return std::any_of(by_tag.begin(), by_tag.end(),
                      [this](const auto& tag) { return idle_tags_.count(tag.first) > 0; });

@@ -35,6 +35,26 @@ std::string failure_reason(const JobSpec& spec, const Unit& unit,
   return reason;
 }
 
+constexpr std::size_t kMaxAttempts = 100;  // listed of a job
+
+/// Lists the failures and losses of a unit for users, unless they are listed.
+void add_attempts(const Unit& unit, const UnitFailures& failures,
+                  std::vector<FailedAttempt>& attempts) {
+  const std::size_t before = attempts.size();
+  const auto add = [&](const std::string& worker_id, const std::string& message) {
+    const FailedAttempt attempt{unit, worker_id, message};
+    const auto listed = attempts.begin() + static_cast<std::ptrdiff_t>(before);
+    if (attempts.size() < kMaxAttempts && std::find(attempts.begin(), listed, attempt) == listed) {
+      attempts.push_back(attempt);
+    }
+  };
+  for (const Failure& failure : failures.failures) add(failure.worker_id, failure.message);
+  for (const auto& [worker_id, losses] : failures.losses_by_worker) {
+    add(worker_id,
+        absl::StrCat("lost with its worker, ", losses, losses == 1 ? " time" : " times"));
+  }
+}
+
 /// Adds a scene fault unless the witness has reported one.
 void add_fault(std::vector<Failure>& faults, const Failure& failure) {
   const bool is_known = std::any_of(faults.begin(), faults.end(), [&](const Failure& fault) {
@@ -49,13 +69,13 @@ void add_fault(std::vector<Failure>& faults, const Failure& failure) {
 /// restart, or after a loss of its connection. Otherwise one worker could fail a job while the
 /// others are away for a moment.
 bool Scheduler::has_others(const Job& job, const Names& asked) const {
-  const std::string& tag = job.requirement;
-  if (present_.has_witness_beyond(tag, asked)) return true;
+  if (has_witness_beyond(job, asked)) return true;
   if (!missing_workers_.empty() && now_ < grace_ends_) return true;
   return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
     const Worker& worker = entry.second;
-    return worker.lost && !worker.draining && !worker.quarantined &&
-           asked.count(worker.witness) == 0 && worker.serves.count(tag) > 0 &&
+    return worker.may_return() && asked.count(worker.witness) == 0 &&
+           worker.serves.count(job.requirement) > 0 &&
+           job.spec->blocked_workers.count(worker.id) == 0 &&
            now_ - worker.last_contact < policy_.audit_timeout;
   });
 }
@@ -72,9 +92,9 @@ Scheduler::Names Scheduler::failed_witnesses(const Job& job, const Unit& unit) c
   return witnesses;
 }
 
-/// Returns whether the failures of a unit prove that the job cannot be rendered: there are enough,
-/// and independent witnesses agree, or there is nobody else to ask.
-bool Scheduler::fails_job(const Job& job, const Unit& unit) const {
+/// Returns whether the failures of a unit show that somebody must look at the job: there are
+/// enough, and independent witnesses agree, or there is nobody else to ask.
+bool Scheduler::stops_job(const Job& job, const Unit& unit) const {
   const std::vector<Failure>& failures = job.unit_failures.at(unit).failures;
   if (static_cast<std::int32_t>(failures.size()) < policy_.failure_limit) return false;
   const Names witnesses = witnesses_of(failures);
@@ -101,22 +121,23 @@ void Scheduler::fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, 
     return;
   }
   release(*job, *worker, unit);
-  note_failing(*worker, *job, now);
+  if (!job->is_paused_by_failures()) note_failing(*worker, *job, now);
+  job->unit_failures[unit].failures.push_back(failure);
   if (is_scene_fault(code)) {
     std::vector<Failure>& faults = job->scene_faults[unit.frame];
     add_fault(faults, failure);
     const Names witnesses = witnesses_of(faults);
     if (static_cast<std::int32_t>(witnesses.size()) >= policy_.witness_limit ||
         !has_others(*job, witnesses)) {
+      list_attempts(*job, unit);
       fail_job(*job, absl::Status(code, absl::StrCat("bad scene: ", failure.message)), now);
       return;
     }
   }
-  job->unit_failures[unit].failures.push_back(std::move(failure));
-  if (fails_job(*job, unit)) {
+  if (job->is_paused_by_failures() || stops_job(*job, unit)) {
     const std::string reason =
         failure_reason(*job->spec, unit, job->unit_failures.at(unit).failures);
-    fail_job(*job, absl::Status(code, reason), now);
+    pause_for_failures(*job, unit, absl::Status(code, reason), now);
     return;
   }
   work_appeared_ = true;
@@ -128,6 +149,7 @@ void Scheduler::lose_unit(Job& job, Worker& worker, const Unit& unit, Time now) 
   if (job.plan->is_committed(unit)) return;  // an audit
   UnitFailures& failures = job.unit_failures[unit];
   ++failures.losses_by_witness[worker.witness];
+  ++failures.losses_by_worker[worker.id];
   if (++failures.losses <= policy_.loss_limit) return;
   Names witnesses;
   for (const auto& [witness, count] : failures.losses_by_witness) witnesses.insert(witness);
@@ -135,11 +157,37 @@ void Scheduler::lose_unit(Job& job, Worker& worker, const Unit& unit, Time now) 
       has_others(job, witnesses)) {
     return;
   }
-  fail_job(
-      job,
+  pause_for_failures(
+      job, unit,
       absl::UnavailableError(absl::StrCat(describe(*job.spec, unit), " was lost with its worker ",
                                           failures.losses, " times; the last was ", worker.id)),
       now);
+}
+
+/// Lists the attempts at the job's units that failed, those of `unit` first.
+void Scheduler::list_attempts(Job& job, const Unit& unit) {
+  job.failed_attempts.clear();
+  add_attempts(unit, job.unit_failures.at(unit), job.failed_attempts);
+  for (const auto& [other, failures] : job.unit_failures) {
+    if (other != unit) add_attempts(other, failures, job.failed_attempts);
+  }
+}
+
+/// Leases no more of the job until somebody has looked at it. Units in flight are finished; if one
+/// fails, it is listed too.
+void Scheduler::pause_for_failures(Job& job, const Unit& unit, const absl::Status& failure,
+                                   Time now) {
+  forgive(job);
+  if (job.is_paused_by_failures()) {
+    add_attempts(unit, job.unit_failures.at(unit), job.failed_attempts);
+    effects_.revised.push_back(job.key);
+  } else {
+    list_attempts(job, unit);
+    job.failure_code = failure.ok() ? absl::StatusCode::kUnknown : failure.code();
+    set_state(job, JobState::paused, std::string(failure.message()), now);
+  }
+  work_appeared_ = true;
+  dispatch_all(now);
 }
 
 /// Counts a failure against the worker until it delivers a unit or the job ends. One that fails

@@ -48,6 +48,7 @@ Job& Scheduler::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobStat
   job.plan.reset();  // a queued job is a row and a cursor
   if (state == JobState::running) job.open_plan();
   job.demand = {1, 0, 0};
+  job.is_over_budget = stop_reason(job) != nullptr;
   if (!has_ended(state)) count_demand(job, 1);
   dependencies_.add(key, job.spec->after);
   check_dependencies(job);
@@ -109,7 +110,8 @@ Demand Scheduler::demand(const std::string& owner) const {
 }
 
 JobQueue::QueueKey Scheduler::queue_key(const Job& job) {
-  return {job.spec->priority, job.spec->owner, job.scene, queue_name(job)};
+  return {job.spec->priority, job.spec->owner, job.scene,
+          LimitedQueues::name(job.requirement, job.spec->limits)};
 }
 
 /// Returns whether the job has its maximum of workers.
@@ -127,11 +129,11 @@ void Scheduler::refresh(Job& job) {
   if (belongs_in_queue && !is_queued) {
     queued_.insert(job.key);
     queue_.insert(job.key, queue_key(job), now_, working_.threads(job.requirement));
-    count_limited(job, 1);
+    limited_.count(job.requirement, job.spec->limits, 1);
   } else if (!belongs_in_queue && is_queued) {
     queued_.erase(job.key);
     queue_.erase(job.key, queue_key(job));
-    count_limited(job, -1);
+    limited_.count(job.requirement, job.spec->limits, -1);
   }
   const auto note = [&](std::set<JobKey>& jobs, bool belongs) {
     if (belongs) {
@@ -141,7 +143,7 @@ void Scheduler::refresh(Job& job) {
     }
   };
   note(full_, is_runnable && !belongs_in_queue);
-  note(tail_, job.state == JobState::running && !is_runnable && job.plan &&
+  note(tail_, job.state == JobState::running && !is_runnable && !job.is_over_budget && job.plan &&
                   job.plan->in_flight_count() > 0);
   if (is_runnable) work_appeared_ = true;
   if (!is_runnable || !job.holders.empty()) {
@@ -195,6 +197,7 @@ absl::Status Scheduler::resume(Job& job, Time now) {
   if (has_ended(job.state)) {
     return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id, " has ended"));
   }
+  if (job.is_paused_by_failures()) return retry(job, now);
   if (job.state == JobState::paused) {
     set_state(job, job.plan ? JobState::running : JobState::queued, "", now);
     dispatch_all(now);
@@ -214,9 +217,11 @@ absl::Status Scheduler::retry(Job& job, Time now) {
   if (job.state == JobState::done) {
     return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id, " is done"));
   }
-  if (!has_ended(job.state)) return absl::OkStatus();
+  if (!has_ended(job.state) && !job.is_paused_by_failures()) return absl::OkStatus();
   if (absl::Status possible = check_possible(job); !possible.ok()) return possible;
   job.unit_failures.clear();
+  job.scene_faults.clear();
+  job.failed_attempts.clear();
   job.failure_code = absl::StatusCode::kOk;
   job.end_time_us = 0;
   set_state(job, job.plan ? JobState::running : JobState::queued, "", now);
@@ -256,6 +261,10 @@ void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Tim
   }
   job.ever_leased_to.clear();
   forgive(job);
+  if (state != JobState::failed) {
+    job.failure_code = absl::StatusCode::kOk;
+    job.failed_attempts.clear();
+  }
   set_state(job, state, reason, now);
   dispatch_all(now);
 }

@@ -1,4 +1,5 @@
-// Limits: how many leases may use a licence or another named resource at once.
+// Limits: how many leases may use a licence or another named resource at once. Budgets: whose jobs
+// are leased nothing. Changes of jobs.
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
@@ -6,68 +7,28 @@
 
 namespace tessera::server {
 
-/// Returns the name of the job's part of the queue. Jobs with the same requirement and the same
-/// limits share one, so that none of them is looked at while a limit is reached.
-std::string Scheduler::queue_name(const Job& job) {
-  std::string name = job.requirement;
-  for (const LimitUse& use : job.spec->limits) {
-    absl::StrAppend(&name, "\n", use.limit, "=", use.units);
-  }
-  return name;
-}
-
-/// Returns the parts of the queue whose jobs the worker could be leased now.
-Scheduler::Names Scheduler::queues_for(const Worker& worker) const {
-  Names queues = worker.serves;
-  for (const auto& [name, queue] : limited_) {
-    if (worker.serves.count(queue.requirement) > 0 && limits_.room(queue.limits) > 0) {
-      queues.insert(name);
-    }
-  }
-  return queues;
-}
-
-/// Call when the job enters or leaves the queue.
-void Scheduler::count_limited(const Job& job, int sign) {
-  if (job.spec->limits.empty()) return;
-  const std::string name = queue_name(job);
-  LimitedQueue& queue = limited_[name];
-  queue.requirement = job.requirement;
-  queue.limits = job.spec->limits;
-  queue.jobs += sign;
-  if (queue.jobs == 0) limited_.erase(name);
-}
-
-/// Returns whether a worker with credits could be leased a job with limits.
-bool Scheduler::has_limited_work() const {
-  return std::any_of(limited_.begin(), limited_.end(), [this](const auto& entry) {
-    const LimitedQueue& queue = entry.second;
-    return idle_tags_.count(queue.requirement) > 0 && limits_.room(queue.limits) > 0;
-  });
-}
-
 void Scheduler::take_limits(Job& job) {
   ++job.lease_count;
-  limits_.take(job.spec->limits, 1);
+  limited_.limits().take(job.spec->limits, 1);
 }
 
 void Scheduler::give_back_limits(Job& job) {
   --job.lease_count;
   if (job.spec->limits.empty()) return;
-  limits_.take(job.spec->limits, -1);
+  limited_.limits().take(job.spec->limits, -1);
   work_appeared_ = true;
 }
 
 void Scheduler::set_limit(const std::string& name, std::int64_t units, Time now) {
   advance(now);
-  limits_.set(name, units);
+  limited_.limits().set(name, units);
   work_appeared_ = true;
   dispatch_all(now);
 }
 
 bool Scheduler::remove_limit(const std::string& name, Time now) {
   advance(now);
-  const bool existed = limits_.remove(name);
+  const bool existed = limited_.limits().remove(name);
   work_appeared_ = true;
   dispatch_all(now);
   return existed;
@@ -78,18 +39,43 @@ void Scheduler::change(Job& job, std::shared_ptr<const JobSpec> spec, Time now) 
   for (auto& [unit, audit] : job.audits) stop_waiting(job, unit, audit);
   if (queued_.erase(job.key) > 0) {
     queue_.erase(job.key, queue_key(job));
-    count_limited(job, -1);
+    limited_.count(job.requirement, job.spec->limits, -1);
   }
-  limits_.take(job.spec->limits, -job.lease_count);
+  limited_.limits().take(job.spec->limits, -job.lease_count);
   dependencies_.replace(job.key, job.spec->after, spec->after);
   job.spec = std::move(spec);
   job.requirement = job.spec->requirement();
-  limits_.take(job.spec->limits, job.lease_count);
+  limited_.limits().take(job.spec->limits, job.lease_count);
   for (auto& [unit, audit] : job.audits) {
     if (!audit.holder) await_worker(job, unit, audit);
   }
+  for (const std::string& id : job.spec->blocked_workers) {
+    if (Worker* worker = find_worker(id)) revoke_units(*worker, job);
+  }
   check_dependencies(job);
   refresh(job);
+  dispatch_all(now);
+}
+
+/// Returns why units of the job's account are not leased; nullptr if they are.
+const std::string* Scheduler::stop_reason(const Job& job) const {
+  if (stopped_.empty()) return nullptr;
+  auto found = stopped_.find({AccountScope::owner, job.spec->owner});
+  if (found == stopped_.end() && !job.spec->project.empty()) {
+    found = stopped_.find({AccountScope::project, job.spec->project});
+  }
+  return found == stopped_.end() ? nullptr : &found->second;
+}
+
+void Scheduler::stop_accounts(std::map<Account, std::string> reasons, Time now) {
+  advance(now);
+  stopped_ = std::move(reasons);
+  for (auto& [key, job] : jobs_) {
+    const bool is_over_budget = stop_reason(job) != nullptr;
+    if (is_over_budget == job.is_over_budget) continue;
+    job.is_over_budget = is_over_budget;
+    refresh(job);
+  }
   dispatch_all(now);
 }
 
@@ -103,20 +89,18 @@ absl::Status Scheduler::verify_limits() const {
       return absl::InternalError(absl::StrCat("scheduler: leases of job ", job.spec->id));
     }
     for (const LimitUse& use : job.spec->limits) used[use.limit] += leases * use.units;
-    if (!job.spec->limits.empty() && queued_.count(key) > 0) ++queued[queue_name(job)];
+    if (!job.spec->limits.empty() && queued_.count(key) > 0) {
+      ++queued[LimitedQueues::name(job.requirement, job.spec->limits)];
+    }
   }
-  for (const auto& [name, limit] : limits_.all()) {
+  for (const auto& [name, limit] : limits().all()) {
     if (limit.used != used[name]) return absl::InternalError("scheduler: use of limit " + name);
     used.erase(name);
   }
   for (const auto& [name, units] : used) {
     if (units != 0) return absl::InternalError("scheduler: limit " + name + " is missing");
   }
-  for (const auto& [name, queue] : limited_) {
-    if (queued[name] != queue.jobs) return absl::InternalError("scheduler: limited jobs");
-    queued.erase(name);
-  }
-  return queued.empty() ? absl::OkStatus() : absl::InternalError("scheduler: limited jobs");
+  return limited_.verify(queued);
 }
 
 }  // namespace tessera::server

@@ -1,4 +1,4 @@
-// Operator commands: drain, ban, allow, move.
+// Operator commands: drain, ban, allow, move, set aside, bring back.
 #include "server/schedule/scheduler/scheduler.h"
 
 namespace tessera::server {
@@ -77,33 +77,46 @@ bool Scheduler::allow(const std::string& worker_id, Time now) {
   return true;
 }
 
-/// Determines the pool of a worker that is not counted, and which jobs it may be leased.
-void Scheduler::set_pool(Worker& worker) {
-  const auto moved = moved_.find(worker.id);
-  worker.pool = moved != moved_.end() ? moved->second : worker.own_pool;
-  if (worker.pool.empty()) worker.pool = kDefaultPool;
+/// Determines where a worker that is not counted belongs: its pool, and so which jobs it may be
+/// leased; whether it is set aside.
+void Scheduler::place(Worker& worker) {
+  worker.pool = placement_.pool_of(worker.id, worker.own_pool);
   worker.serves = {requirement(worker.pool, "")};
   for (const std::string& tag : worker.tags) worker.serves.insert(requirement(worker.pool, tag));
+  const auto aside = placement_.aside().find(worker.id);
+  worker.set_aside = aside != placement_.aside().end();
+  worker.note = worker.set_aside ? aside->second : "";
+}
+
+/// Call after placement_ has changed.
+void Scheduler::place_again(Worker& worker, Time now) {
+  uncount(worker);
+  place(worker);
+  recount(worker);
+  for (const auto& [key, unit] : worker.leased_units) {
+    const Job& job = jobs_.at(key);
+    if (worker.set_aside || worker.serves.count(job.requirement) == 0) revoke(worker, job, unit);
+  }
+  work_appeared_ = true;
+  dispatch_all(now);
 }
 
 void Scheduler::move(const std::string& worker_id, const std::string& pool, Time now) {
   advance(now);
-  if (pool.empty()) {
-    moved_.erase(worker_id);
-  } else {
-    moved_[worker_id] = pool;
-  }
-  Worker* worker = find_worker(worker_id);
-  if (worker == nullptr) return;
-  uncount(*worker);
-  set_pool(*worker);
-  recount(*worker);
-  for (const auto& [key, unit] : worker->leased_units) {
-    const Job& job = jobs_.at(key);
-    if (worker->serves.count(job.requirement) == 0) revoke(*worker, job, unit);
-  }
-  work_appeared_ = true;
-  dispatch_all(now);
+  placement_.move(worker_id, pool);
+  if (Worker* worker = find_worker(worker_id)) place_again(*worker, now);
+}
+
+void Scheduler::set_aside(const std::string& worker_id, const std::string& reason, Time now) {
+  advance(now);
+  placement_.set_aside(worker_id, reason);
+  if (Worker* worker = find_worker(worker_id)) place_again(*worker, now);
+}
+
+void Scheduler::bring_back(const std::string& worker_id, Time now) {
+  advance(now);
+  placement_.bring_back(worker_id);
+  if (Worker* worker = find_worker(worker_id)) place_again(*worker, now);
 }
 
 }  // namespace tessera::server

@@ -61,6 +61,7 @@ absl::Status Scheduler::verify_job(const Job& job) const {
       job.spec->after.begin(), job.spec->after.end(),
       [this](const Dependency& each) { return state_of(each) != DependencyState::met; });
   if (is_blocked != job.is_blocked) return wrong("blocked");
+  if (job.is_over_budget != (stop_reason(job) != nullptr)) return wrong("over budget");
   return absl::OkStatus();
 }
 
@@ -101,7 +102,7 @@ absl::Status Scheduler::verify() const {
   for (const auto& [key, worker] : workers_) {
     if (absl::Status status = verify_worker(worker); !status.ok()) return status;
     if (worker.is_working()) working.add(worker);
-    if (!worker.lost && !worker.draining && !worker.quarantined) present.add(worker);
+    if (worker.is_available()) present.add(worker);
     witnesses.insert(worker.witness);
     tags.insert(worker.serves.begin(), worker.serves.end());
     if (!worker.idle_load) continue;

@@ -19,15 +19,17 @@ std::string limit_text(const Limits& limits, const JobSpec& spec) {
 
 WaitReason Scheduler::wait_reason(const Job& job) const {
   if (job.state != JobState::queued && job.state != JobState::running) return WaitReason::none;
+  if (job.is_over_budget) return WaitReason::budget;
   const bool is_blocked = job.is_blocked || !job.blocked_frames.empty();
   if (is_blocked && !job.is_runnable() && job.holders.empty()) return WaitReason::dependency;
   if (present_.find("") == nullptr) return WaitReason::no_workers;
   const std::string& tag = job.requirement;
   if (present_.find(requirement(job.spec->pool, "")) == nullptr) return WaitReason::no_pool;
   if (present_.find(tag) == nullptr) return WaitReason::no_tag;
+  if (!has_witness_beyond(job, {})) return WaitReason::blocked;
   if (!job.is_runnable() || !job.holders.empty()) return WaitReason::none;
   if (!missing_workers_.empty() && now_ < grace_ends_) return WaitReason::restart;
-  if (limits_.room(job.spec->limits) == 0) return WaitReason::limit;
+  if (limits().room(job.spec->limits) == 0) return WaitReason::limit;
   const JobQueue::QueueKey key = queue_key(job);
   if (queue_.is_outranked(key)) return WaitReason::priority;
   if (!job.unit_failures.empty() && idle_tags_.count(tag) > 0) return WaitReason::other_worker;
@@ -43,6 +45,11 @@ std::string Scheduler::wait_text(const Job& job) const {
   switch (wait_reason(job)) {
     case WaitReason::none:
       break;
+    case WaitReason::budget:
+      return *stop_reason(job);
+    case WaitReason::blocked:
+      return absl::StrCat("all connected workers that could render it are blocked for it; ",
+                          "`tessera workers unblock WORKER --job ", job.spec->id, "` unblocks one");
     case WaitReason::no_workers:
       return "no workers connected";
     case WaitReason::dependency:
@@ -53,7 +60,7 @@ std::string Scheduler::wait_text(const Job& job) const {
       return absl::StrCat("no connected worker", pool == kDefaultPool ? "" : " of pool " + pool,
                           " has tag ", job.spec->required_tag);
     case WaitReason::limit:
-      return limit_text(limits_, *job.spec);
+      return limit_text(limits(), *job.spec);
     case WaitReason::restart:
       return "workers may reconnect after the server's restart";
     case WaitReason::priority:

@@ -52,7 +52,7 @@ std::set<JobKey> Scheduler::leased_jobs(const std::string& certificate) const {
 
 /// Includes the worker in the counts that its state allows.
 void Scheduler::count(Worker& worker) {
-  const bool is_present = !worker.lost && !worker.draining && !worker.quarantined;
+  const bool is_present = worker.is_available();
   if (is_present && !worker.is_present) present_.add(worker);
   worker.is_present = is_present;
   if (worker.is_working() && !worker.is_counted) working_.add(worker);
@@ -71,7 +71,7 @@ void Scheduler::uncount(Worker& worker) {
 /// Call after the state of a worker has changed.
 void Scheduler::recount(Worker& worker) {
   ++step_count_;
-  const bool is_present = !worker.lost && !worker.draining && !worker.quarantined;
+  const bool is_present = worker.is_available();
   if (worker.is_present != is_present || worker.is_counted != worker.is_working()) uncount(worker);
   count(worker);
 }
@@ -114,7 +114,7 @@ WorkerKey Scheduler::connect(const Hello& hello, Time now) {
   worker.thread_count = std::max(hello.thread_count, 1);
   worker.tags = {hello.tags.begin(), hello.tags.end()};
   worker.own_pool = hello.pool;
-  set_pool(worker);
+  place(worker);
   worker.connected = true;
   worker.lost = worker.draining = false;
   worker.last_contact = now;
@@ -398,6 +398,13 @@ void Scheduler::revoke(Worker& worker, const Job& job, const Unit& unit) {
   (outbox.has_lease(job.spec->id, unit) ? outbox.withdrawn : outbox.revoked)
       .push_back({job.spec->id, unit});
   wake(worker);
+}
+
+/// Has the worker return the units of the job that it has not started.
+void Scheduler::revoke_units(Worker& worker, const Job& job) {
+  for (const auto& [key, unit] : worker.leased_units) {
+    if (key == job.key) revoke(worker, job, unit);
+  }
 }
 
 void Scheduler::tick(Time now, Duration period) {

@@ -85,6 +85,8 @@ struct Worker {
   bool draining = false;
   bool quarantined = false;  // fails units that succeed elsewhere, delivered wrong pixels, or is
                              // banned
+  bool set_aside = false;    // by an operator
+  std::string note;          // why; may be empty
   std::optional<Time> quarantined_until = {};  // it is quarantined for a time: it failed units of
                                                // several jobs and delivered none in between
   bool has_delivered = false;                  // its first unit is always audited
@@ -105,7 +107,11 @@ struct Worker {
   std::optional<double> idle_load;  // with credits: the load under which it is in the idle set
 
   /// Returns whether it may be leased units, apart from credits.
-  bool is_working() const { return connected && !lost && !draining && !quarantined; }
+  bool is_working() const { return connected && is_available(); }
+  /// The same, also while its stream has just broken.
+  bool is_available() const { return !lost && !draining && !quarantined && !set_aside; }
+  /// Returns whether it is lost, but could go on if it came back.
+  bool may_return() const { return lost && !draining && !quarantined && !set_aside; }
   /// Units per thread.
   double load() const { return static_cast<double>(leased_units.size()) / thread_count; }
 };

@@ -42,9 +42,15 @@ constexpr AccessRule kRules[] = {
     {"WorkerService.BanWorker", false, false, false},
     {"WorkerService.AllowWorker", false, false, false},
     {"WorkerService.MoveWorker", false, false, false},
+    {"WorkerService.SetAsideWorker", false, false, false},
+    {"WorkerService.BringBackWorker", false, false, false},
     {"FarmService.SetLimit", false, false, false},
     {"FarmService.RemoveLimit", false, false, false},
     {"FarmService.ListLimits", true, false, false},
+    {"FarmService.SetBudget", false, false, false},
+    {"FarmService.RemoveBudget", false, false, false},
+    {"FarmService.ListBudgets", true, false, false},
+    {"FarmService.ListUsage", true, false, false},
 };
 
 using Clock = std::chrono::steady_clock;

@@ -1,42 +1,24 @@
 #include "server/service/messages/messages.h"
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "contract/tile_grid.h"
 #include "rpc/settings_message.h"
-#include "telemetry/log/printable.h"
+#include "server/service/messages/field_checks.h"
 
 namespace tessera::server {
 namespace {
 
-constexpr std::size_t kMaxIdLetters = 64, kMaxNameLetters = 200, kMaxSceneNameLetters = 1000,
-                      kMaxUriLetters = 4096, kMaxWarningLetters = 4000, kMaxWarnings = 101;
+constexpr std::size_t kMaxNameLetters = 200, kMaxSceneNameLetters = 1000, kMaxUriLetters = 4096,
+                      kMaxWarningLetters = 4000, kMaxWarnings = 101;
 constexpr int kMaxAssets = 100'000, kMaxFrameRanges = 4096;
-constexpr int kMaxTags = 64, kMaxDependencies = 64, kMaxLimitUses = 16;
+constexpr int kMaxTags = 64, kMaxDependencies = 64, kMaxLimitUses = 16, kMaxBlocked = 1000;
 constexpr std::int32_t kMaxThreads = 4096;
 constexpr double kMaxUnitSeconds = 1e9;
 constexpr std::int64_t kMaxUnitCount = std::int64_t{1} << 48;
-
-absl::Status bad(const std::string& field, const std::string& need) {
-  return absl::InvalidArgumentError(absl::StrCat(field, ": ", need));
-}
-
-absl::Status check_text(const std::string& field, const std::string& text, std::size_t min,
-                        std::size_t max) {
-  if (has_control_characters(text)) return bad(field, "contains a control character");
-  if (text.size() >= min && text.size() <= max) return absl::OkStatus();
-  return bad(field, absl::StrCat("has ", text.size(), " characters, expected ", min, " to ", max));
-}
-
-absl::Status check_range(const std::string& field, std::int64_t value, std::int64_t low,
-                         std::int64_t high) {
-  if (value >= low && value <= high) return absl::OkStatus();
-  return bad(field, absl::StrCat(value, " is not in [", low, ", ", high, "]"));
-}
 
 /// Checks that a URI, by which workers read a resource, cannot lead out of a directory.
 bool is_inside(const std::string& uri) {
@@ -100,17 +82,6 @@ absl::Status read_manifest(const v1::SceneManifest& message, JobSpec& spec) {
   return absl::OkStatus();
 }
 
-void set_duration(double span_seconds, google::protobuf::Duration& duration) {
-  const double clamped = std::min(std::max(span_seconds, 0.0), 1e9);
-  duration.set_seconds(static_cast<std::int64_t>(clamped));
-  duration.set_nanos(static_cast<std::int32_t>((clamped - std::floor(clamped)) * 1e9));
-}
-
-void set_time(std::int64_t time_us, google::protobuf::Timestamp& timestamp) {
-  timestamp.set_seconds(time_us / 1'000'000);
-  timestamp.set_nanos(static_cast<std::int32_t>(time_us % 1'000'000 * 1000));
-}
-
 /// Limits the number of tiles, because each costs memory.
 absl::Status check_tiles(const contract::RenderSettings& settings) {
   constexpr std::int32_t kMaxTiles = 1 << 22;
@@ -118,12 +89,6 @@ absl::Status check_tiles(const contract::RenderSettings& settings) {
   if (tiles <= kMaxTiles) return absl::OkStatus();
   return bad("settings.tile_px", absl::StrCat(settings.tile, " gives ", tiles,
                                               " tiles per frame, maximum ", kMaxTiles));
-}
-
-bool is_name(const std::string& id) {
-  constexpr char kAllowed[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
-  return !id.empty() && id.size() <= kMaxIdLetters &&
-         id.find_first_not_of(kAllowed) == std::string::npos;
 }
 
 void set_progress(const JobView& view, v1::JobProgress& progress) {
@@ -141,6 +106,13 @@ void set_progress(const JobView& view, v1::JobProgress& progress) {
   if (view.remaining_seconds) set_duration(*view.remaining_seconds, *progress.mutable_remaining());
 }
 
+absl::Status check_workers(const std::string& field,
+                           const google::protobuf::RepeatedPtrField<std::string>& ids) {
+  absl::Status status = check_range(field, ids.size(), 0, kMaxBlocked);
+  for (const std::string& id : ids) status.Update(check_name(field, id));
+  return status;
+}
+
 /// Checks what is shown or stored as it is.
 absl::Status check_texts(const v1::CreateJobRequest& request) {
   absl::Status status = check_text("request_id", request.request_id(), 1, kMaxIdLetters);
@@ -154,6 +126,8 @@ absl::Status check_texts(const v1::CreateJobRequest& request) {
   status.Update(check_text("settings.camera", settings.camera(), 0, kMaxSceneNameLetters));
   status.Update(check_text("settings.animation", settings.animation(), 0, kMaxSceneNameLetters));
   if (!request.pool().empty()) status.Update(check_name("pool", request.pool()));
+  if (!request.project().empty()) status.Update(check_name("project", request.project()));
+  status.Update(check_workers("blocked_worker_ids", request.blocked_worker_ids()));
   status.Update(check_text("settings.variant", settings.variant(), 0, kMaxSceneNameLetters));
   status.Update(check_range("settings.frames", settings.frames_size(), 0, kMaxFrameRanges));
   return status;
@@ -227,6 +201,8 @@ absl::StatusOr<JobSpec> parse_spec(const v1::CreateJobRequest& request, const st
   auto limits = read_limits(request.limits());
   if (!limits.ok()) return limits.status();
   spec.pool = request.pool();
+  spec.project = request.project();
+  spec.blocked_workers = {request.blocked_worker_ids().begin(), request.blocked_worker_ids().end()};
   spec.limits = *std::move(limits);
   const auto settings = contract::from_message(request.settings());
   if (!settings.ok()) return settings.status();
@@ -240,11 +216,6 @@ absl::StatusOr<JobSpec> parse_spec(const v1::CreateJobRequest& request, const st
 }
 
 }  // namespace
-
-absl::Status check_name(const std::string& field, const std::string& name) {
-  if (is_name(name)) return absl::OkStatus();
-  return bad(field, "expected 1 to 64 characters of [a-zA-Z0-9._-]");
-}
 
 absl::StatusOr<JobAdmin::Update> from_message(const v1::UpdateJobRequest& message) {
   JobAdmin::Update update;
@@ -266,6 +237,11 @@ absl::StatusOr<JobAdmin::Update> from_message(const v1::UpdateJobRequest& messag
     if (!message.pool().empty()) status.Update(check_name("pool", message.pool()));
   }
   update.clear_dependencies = message.clear_dependencies();
+  status.Update(check_workers("block_worker_ids", message.block_worker_ids()));
+  status.Update(check_workers("unblock_worker_ids", message.unblock_worker_ids()));
+  update.block_workers = {message.block_worker_ids().begin(), message.block_worker_ids().end()};
+  update.unblock_workers = {message.unblock_worker_ids().begin(),
+                            message.unblock_worker_ids().end()};
   if (!status.ok()) return status;
   if (!message.has_limits()) return update;
   auto limits = read_limits(message.limits().limits());
@@ -314,7 +290,19 @@ std::string write_request(const JobSpec& spec) {
   request.set_pool(spec.pool);
   write_limits(spec.limits, *request.mutable_limits());
   write_dependencies(spec.after, *request.mutable_dependencies());
+  *request.mutable_blocked_worker_ids() = {spec.blocked_workers.begin(),
+                                           spec.blocked_workers.end()};
   return request.SerializeAsString();
+}
+
+v1::FailedAttempt to_message(const FailedAttempt& attempt) {
+  v1::FailedAttempt message;
+  message.set_frame(attempt.unit.frame);
+  message.set_tile(attempt.unit.tile);
+  message.set_pass(attempt.unit.pass);
+  message.set_worker_id(attempt.worker_id);
+  message.set_message(cut_text(attempt.message, EventLog::kMaxTextBytes));
+  return message;
 }
 
 v1::Job to_message(const JobView& view) {
@@ -331,6 +319,13 @@ v1::Job to_message(const JobView& view) {
   job.set_pool(view.spec->pool.empty() ? kDefaultPool : view.spec->pool);
   write_limits(view.spec->limits, *job.mutable_limits());
   write_dependencies(view.spec->after, *job.mutable_dependencies());
+  job.set_project(view.spec->project);
+  *job.mutable_blocked_worker_ids() = {view.spec->blocked_workers.begin(),
+                                       view.spec->blocked_workers.end()};
+  job.set_pause_cause(static_cast<v1::Job::PauseCause>(view.pause_cause));
+  for (const FailedAttempt& attempt : view.failed_attempts) {
+    *job.add_failed_attempts() = to_message(attempt);
+  }
   set_time(view.create_time_us, *job.mutable_create_time());
   if (view.end_time_us != 0) set_time(view.end_time_us, *job.mutable_end_time());
   *job.mutable_settings() = contract::to_message(view.spec->settings);
@@ -385,6 +380,7 @@ v1::Worker to_message(const Worker& worker, double silence_seconds) {
   message.set_state(worker.lost && !worker.draining ? v1::Worker::STATE_LOST
                     : worker.quarantined            ? v1::Worker::STATE_QUARANTINED
                     : worker.draining               ? v1::Worker::STATE_DRAINING
+                    : worker.set_aside              ? v1::Worker::STATE_SET_ASIDE
                     : worker.leased_units.empty()   ? v1::Worker::STATE_IDLE
                                                     : v1::Worker::STATE_BUSY);
   message.set_isa(worker.isa);
@@ -395,6 +391,7 @@ v1::Worker to_message(const Worker& worker, double silence_seconds) {
   message.set_cpu_seconds(worker.cpu_seconds);
   message.set_rss_bytes(worker.rss_bytes);
   message.set_pool(worker.pool);
+  message.set_note(worker.note);
   set_duration(silence_seconds, *message.mutable_silence());
   return message;
 }
@@ -465,10 +462,9 @@ Lease from_message(const v1::Lease& message) {
 }
 
 absl::StatusOr<Hello> from_message(const v1::WorkerHello& message) {
-  if (!is_name(message.worker_id())) {
-    return bad("hello.worker_id", "expected 1 to 64 characters of [a-zA-Z0-9._-]");
-  }
-  absl::Status status = check_text("hello.name", message.name(), 1, 100);
+  absl::Status status = check_name("hello.worker_id", message.worker_id());
+  if (!status.ok()) return status;
+  status = check_text("hello.name", message.name(), 1, 100);
   status.Update(check_text("hello.host", message.host(), 0, kMaxNameLetters));
   status.Update(check_text("hello.isa", message.isa(), 0, kMaxIdLetters));
   status.Update(check_range("hello.thread_count", message.thread_count(), 1, kMaxThreads));

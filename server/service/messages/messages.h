@@ -19,9 +19,6 @@ inline constexpr std::size_t kTilesPerMessage = 65'536;
 /// Converts a request to a job's spec for `owner`.
 absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::string& owner);
 
-/// Checks the name of a pool or a limit: 1 to 64 of [a-zA-Z0-9._-]. Errors: InvalidArgument.
-absl::Status check_name(const std::string& field, const std::string& name);
-
 absl::StatusOr<JobAdmin::Update> from_message(const v1::UpdateJobRequest& message);
 v1::Limit to_message(const LimitView& limit);
 
@@ -31,6 +28,7 @@ absl::StatusOr<JobSpec> read_spec(const JobRecord& record);
 /// Serialises the request of `spec` with what may change after its creation.
 std::string write_request(const JobSpec& spec);
 
+v1::FailedAttempt to_message(const FailedAttempt& attempt);
 v1::Job to_message(const JobView& view);
 v1::SceneManifest to_manifest(const JobSpec& spec);
 v1::Event to_message(const Event& event);

@@ -13,13 +13,15 @@ namespace {
 constexpr std::chrono::milliseconds kEventPoll{100};
 constexpr std::size_t kEventsPerMessage = 256;
 
-/// Polls with a timer and sends new events.
+/// Polls with a timer and sends new events. Those that are no longer in memory are read from the
+/// store, on a thread for files.
 class EventStream final : public PollingStream<v1::WatchEventsResponse> {
  public:
-  EventStream(Coordinator& coordinator, const Access& access, const v1::WatchEventsRequest& request,
-              const absl::StatusOr<Caller>& caller)
+  EventStream(Coordinator& coordinator, const Access& access, IoPool& io,
+              const v1::WatchEventsRequest& request, const absl::StatusOr<Caller>& caller)
       : coordinator_(coordinator),
         access_(access),
+        io_(io),
         caller_(caller.value_or(Caller{})),
         follow_(request.follow()),
         query_{request.after_sequence(), request.job_id(), caller_.visible_owner()} {
@@ -44,7 +46,34 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
  private:
   void poll() override {
     if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
-    const std::vector<Event> events = coordinator_.events().read(query_, kEventsPerMessage);
+    const std::int64_t dropped = coordinator_.queries().last_dropped_event();
+    if (query_.after != 0 && query_.after < dropped) {
+      return finish(absl::DataLossError(
+          absl::StrCat("events between ", query_.after, " and ", dropped,
+                       " are no longer kept; 0 continues with the oldest that is")));
+    }
+    if (query_.after < coordinator_.events().complete_after()) {
+      return io_.post([this] { read_stored(); });
+    }
+    send(coordinator_.events().read(query_, kEventsPerMessage));
+  }
+
+  /// Reads events up to those that are in memory.
+  void read_stored() {
+    const std::int64_t end = coordinator_.events().complete_after();
+    auto events = coordinator_.queries().stored_events(query_, kEventsPerMessage);
+    const std::lock_guard lock(mutex_);
+    if (!events.ok()) return finish(events.status());
+    const bool is_page = events->size() == kEventsPerMessage;
+    const std::int64_t last = is_page ? events->back().sequence : end;
+    *events = coordinator_.events().with_lines(*std::move(events), query_, last);
+    if (events->size() > kEventsPerMessage) events->resize(kEventsPerMessage);
+    if (!events->empty()) return send(*events);
+    query_.after = end;
+    poll_unless_cancelled(true);
+  }
+
+  void send(const std::vector<Event>& events) {
     if (events.empty()) return follow_ ? wait(kEventPoll) : finish(absl::OkStatus());
     query_.after = events.back().sequence;
     response_.Clear();
@@ -54,18 +83,19 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
 
   Coordinator& coordinator_;
   const Access& access_;
+  IoPool& io_;
   const Caller caller_;
   const bool follow_;
-  EventLog::Query query_;
+  EventQuery query_;
   v1::WatchEventsResponse response_;
 };
 
 }  // namespace
 
 grpc::ServerWriteReactor<v1::WatchEventsResponse>* watch_events(
-    Coordinator& coordinator, const Access& access, const v1::WatchEventsRequest& request,
-    const absl::StatusOr<Caller>& caller) {
-  return new EventStream(coordinator, access, request, caller);
+    Coordinator& coordinator, const Access& access, IoPool& io,
+    const v1::WatchEventsRequest& request, const absl::StatusOr<Caller>& caller) {
+  return new EventStream(coordinator, access, io, request, caller);
 }
 
 }  // namespace tessera::server

@@ -47,9 +47,10 @@ class Check {
         segments_(files_, absl::StrCat(folder_, "/segments"), 0) {}
 
   absl::StatusOr<StoreFindings> run() {
-    for (const auto step : {&Check::look_at_database, &Check::look_at_jobs, &Check::look_at_units,
-                            &Check::look_at_totals, &Check::look_at_segments,
-                            &Check::look_at_frames, &Check::look_at_assets}) {
+    for (const auto step :
+         {&Check::look_at_database, &Check::look_at_jobs, &Check::look_at_units,
+          &Check::look_at_totals, &Check::look_at_accounts, &Check::look_at_segments,
+          &Check::look_at_frames, &Check::look_at_assets}) {
       if (absl::Status done = (this->*step)(); !done.ok()) return done;
     }
     return std::move(findings_);
@@ -153,6 +154,19 @@ class Check {
                           fault(totals, " of job ", jobs_.at(row.integer(0)).id, ": damaged");
                         }
                       });
+  }
+
+  /// Units that an extension has replaced stay charged.
+  absl::Status look_at_accounts() {
+    return rows_.each(
+        "SELECT sequence, (SELECT TOTAL(units) FROM usage WHERE job=sequence) AS charged, "
+        "(SELECT COUNT(*) FROM units WHERE job=sequence) + "
+        "(SELECT TOTAL(units) FROM totals WHERE job=sequence) AS committed "
+        "FROM jobs WHERE removed=0 AND charged<committed",
+        {}, [&](const SqlRow& row) {
+          fault("account of job ", jobs_.at(row.integer(0)).id, ": ", row.integer(1),
+                " units are charged, ", row.integer(2), " are committed");
+        });
   }
 
   absl::Status look_at_segments() {

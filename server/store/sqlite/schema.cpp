@@ -127,6 +127,35 @@ CREATE TABLE asset_contents(  -- of small assets, which have no file
   sha256 BLOB PRIMARY KEY,
   contents BLOB NOT NULL);
 )sql",
+    R"sql(
+ALTER TABLE jobs ADD COLUMN project TEXT NOT NULL DEFAULT '';          -- that its use is charged to
+ALTER TABLE jobs ADD COLUMN failed_attempts TEXT NOT NULL DEFAULT '';  -- JSON; see server/state
+CREATE TABLE usage(  -- of committed units, also of jobs that are removed
+  hour INTEGER NOT NULL,  -- since 1970, of their commit
+  job INTEGER NOT NULL,
+  units INTEGER NOT NULL,
+  cpu_seconds REAL NOT NULL,
+  PRIMARY KEY (hour, job)) WITHOUT ROWID;
+ALTER TABLE units ADD COLUMN hour INTEGER NOT NULL DEFAULT 0;  -- in which it is charged
+-- What was committed before is charged in the hour of the job's submission.
+UPDATE units SET hour=(SELECT create_time_us / 3600000000 FROM jobs WHERE sequence=job);
+INSERT INTO usage(hour, job, units, cpu_seconds)
+  SELECT create_time_us / 3600000000, sequence, SUM(number), TOTAL(seconds)
+  FROM jobs JOIN (
+    SELECT job, 1 AS number, cpu_seconds AS seconds FROM units
+    UNION ALL SELECT job, units, cpu_seconds FROM totals) ON job=sequence
+  GROUP BY sequence;
+CREATE TABLE events(  -- the newest
+  sequence INTEGER PRIMARY KEY,
+  time_us INTEGER NOT NULL,
+  kind INTEGER NOT NULL,  -- EventKind in event_store.h
+  job TEXT NOT NULL,
+  owner TEXT NOT NULL,
+  worker TEXT NOT NULL,
+  text TEXT NOT NULL);
+ALTER TABLE store ADD COLUMN dropped_event INTEGER NOT NULL DEFAULT 0;  -- up to which events are missing
+UPDATE store SET dropped_event=(boot_count + 1) << 40;  -- sequences of earlier processes are below
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);

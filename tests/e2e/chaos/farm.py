@@ -307,7 +307,8 @@ class Farm:
         done = run("tessera", "list", "--limit", 0, "--server", f"unix:{self.socket}", "--json", check=False)
         if done.returncode != 0:
             return None
-        return {job["name"]: (job["state"], job.get("reason", "")) for job in json.loads(done.stdout)["jobs"]}
+        return {job["name"]: ("failed" if job["paused_by"] == "failures" else job["state"], job["reason"])
+                for job in json.loads(done.stdout)["jobs"]}
 
     def finish(self, seconds):
         """Waits until all jobs are done; resumes jobs that a full disk has paused."""

@@ -97,6 +97,27 @@ TEST_F(CommandsTest, StatusPrintsOneJob) {
   EXPECT_THAT(document_faults(document.out), IsEmpty()) << document.out;
 }
 
+TEST_F(CommandsTest, StatusOfJobPausedByFailures) {
+  v1::Job& job = farm_.add_job("aaa111", "lamp", v1::Job::STATE_PAUSED);
+  job.set_reason("job aaa111, frame 0, tile 5, pass 0 failed 3 times\nworker w1: broke");
+  job.set_pause_cause(v1::Job::PAUSE_CAUSE_FAILURES);
+  job.set_failure_code(static_cast<int>(absl::StatusCode::kInternal));
+  job.set_project("film");
+  job.add_blocked_worker_ids("w9");
+  v1::FailedAttempt& attempt = *job.add_failed_attempts();
+  attempt.set_tile(5);
+  attempt.set_worker_id("w1");
+  attempt.set_message("broke");
+  const Outcome text = run({"status", "lamp"});
+  EXPECT_THAT(text.out, HasSubstr("paused: units kept failing"));
+  EXPECT_THAT(text.out, HasSubstr("frame 0, tile 5, pass 0, worker w1: broke"));
+  EXPECT_THAT(text.out, HasSubstr("tessera retry aaa111"));
+  EXPECT_THAT(text.out, HasSubstr("w9"));
+  const Outcome document = run({"status", "lamp", "--json"});
+  EXPECT_THAT(document_faults(document.out), IsEmpty()) << document.out;
+  EXPECT_EQ(json::parse(document.out)["paused_by"], "failures");
+}
+
 TEST_F(CommandsTest, UnknownJobExitsWithBadInput) {
   for (const char* command :
        {"status", "report", "fetch", "pause", "resume", "cancel", "retry", "remove"}) {

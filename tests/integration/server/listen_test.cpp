@@ -1,10 +1,15 @@
+#include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <string>
+#include <string_view>
+#include <thread>
 
 #include "server/service/access/token.h"
 #include "server/service/server.h"
@@ -17,7 +22,7 @@ namespace {
 class ListenTest : public testing::Test {
  protected:
   void SetUp() override {
-    options_.clock = [] { return std::chrono::steady_clock::now(); };
+    options_.clock = [this] { return std::chrono::steady_clock::now() + offset_.load(); };
     options_.wall_us = [] { return std::int64_t{0}; };
     options_.random = [] { return std::uint64_t{1}; };
     coordinator_ = Coordinator::open(store_, options_).value();
@@ -26,6 +31,38 @@ class ListenTest : public testing::Test {
     return FarmServer::start(*coordinator_, {address, folder_, ""});
   }
 
+  /// Returns whether the server serves `service`, by the gRPC health protocol, as soon as it says
+  /// so.
+  static bool becomes(const std::shared_ptr<grpc::Channel>& channel, const std::string& service,
+                      bool is_serving) {
+    for (int attempt = 0; attempt < 100; ++attempt) {
+      if (is_served(channel, service) == is_serving) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    return false;
+  }
+  /// Calls Health.Check with the bytes of its messages, for which Debian has no generated code.
+  static bool is_served(const std::shared_ptr<grpc::Channel>& channel, const std::string& service) {
+    grpc::GenericStub stub(channel);
+    grpc::CompletionQueue queue;
+    grpc::ClientContext context;
+    const grpc::Slice request("\x0a" + std::string(1, static_cast<char>(service.size())) + service);
+    const auto call = stub.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check",
+                                            grpc::ByteBuffer(&request, 1), &queue);
+    call->StartCall();
+    grpc::ByteBuffer response;
+    grpc::Status status;
+    call->Finish(&response, &status, nullptr);
+    void* tag = nullptr;
+    bool ok = false;
+    queue.Next(&tag, &ok);
+    grpc::Slice bytes;
+    if (!status.ok() || !response.DumpToSingleSlice(&bytes).ok()) return false;
+    const std::string_view text(reinterpret_cast<const char*>(bytes.begin()), bytes.size());
+    return text == "\x08\x01";  // SERVING
+  }
+
+  std::atomic<std::chrono::seconds> offset_{std::chrono::seconds(0)};
   ScratchFolder scratch_;
   const std::string& folder_ = scratch_.path();
   MemoryStore store_{folder_};
@@ -76,6 +113,30 @@ TEST_F(ListenTest, HostNameIsResolved) {
   const auto channel = grpc::CreateChannel("127.0.0.1" + port, grpc::InsecureChannelCredentials());
   EXPECT_TRUE(
       channel->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(20)));
+}
+
+TEST_F(ListenTest, HealthFollowsSignsOfLife) {
+  const auto server = listen("unix:" + folder_ + "/s");
+  ASSERT_TRUE(server.ok()) << server.status();
+  const auto channel =
+      grpc::CreateChannel((*server)->address(), grpc::InsecureChannelCredentials());
+  for (const char* service : {"", "liveness", "readiness"}) {
+    EXPECT_TRUE(becomes(channel, service, true)) << service;
+  }
+  EXPECT_FALSE(is_served(channel, "other"));
+  offset_ = Health::kWriterLimit + std::chrono::seconds(2);
+  coordinator_->tick();  // the timer runs, the writer does not
+  EXPECT_TRUE(becomes(channel, "readiness", false));
+  EXPECT_TRUE(becomes(channel, "", false));
+  EXPECT_TRUE(is_served(channel, "liveness"));
+  while (coordinator_->run_writer(false)) {
+  }
+  EXPECT_TRUE(becomes(channel, "readiness", true));
+  offset_ = 2 * (Health::kWriterLimit + Health::kTimerLimit);
+  EXPECT_TRUE(becomes(channel, "liveness", false));
+  EXPECT_NE(coordinator_->health().why_dead(), "");
+  (*server)->stop();
+  EXPECT_EQ(coordinator_->health().why_unready().find("timer"), 4u);
 }
 
 TEST_F(ListenTest, UnixSocketNeedsPrivateFolder) {

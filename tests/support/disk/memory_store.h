@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "server/store/store.h"
+#include "tests/support/disk/memory_accounts.h"
 #include "tests/support/disk/memory_assets.h"
 
 namespace tessera::server {
@@ -102,6 +103,13 @@ class MemoryStore final : public Store {
     if (found == removed_.end()) return std::nullopt;
     return found->second;
   }
+  EventStore& events() override { return events_; }
+  const EventStore& events() const override { return events_; }
+  const UsageStore& usage() const override { return usage_; }
+  /// Sets the number of events that are kept.
+  void keep_events(std::size_t count) { events_.keep(count); }
+  /// Sets the hour in which commits are charged.
+  void set_hour(std::int64_t hour) { hour_ = hour; }
   absl::Status save_settings(SettingKind kind, const Settings& settings) override {
     const std::lock_guard lock(mutex_);
     if (!commit_fault_.ok()) return commit_fault_;
@@ -128,6 +136,7 @@ class MemoryStore final : public Store {
                               .emplace(commit.record.unit, std::pair(commit.record, commit.block))
                               .second;
       if (!is_new) return absl::AlreadyExistsError("unit");
+      charge(commit);
       damaged_.erase(commit.record.unit);
     }
     return absl::OkStatus();
@@ -158,7 +167,12 @@ class MemoryStore final : public Store {
   absl::Status drop_units(const std::string& job_id,
                           const std::vector<contract::Unit>& units) override {
     const std::lock_guard lock(mutex_);
-    for (const contract::Unit& unit : units) units_[job_id].erase(unit);
+    for (const contract::Unit& unit : units) {
+      const auto found = units_[job_id].find(unit);
+      if (found == units_[job_id].end()) continue;
+      usage_.refund(job_id, found->second.first.cpu_seconds);
+      units_[job_id].erase(found);
+    }
     return absl::OkStatus();
   }
 
@@ -276,6 +290,18 @@ class MemoryStore final : public Store {
   std::int64_t used_bytes() const override { return used_bytes_; }
 
  private:
+  void charge(const Commit& commit) {
+    UsageSum use{"", "", 0, commit.job_id, "", 1, commit.record.cpu_seconds};
+    for (const auto& [sequence, job] : jobs_) {
+      if (job.id != commit.job_id) continue;
+      use.owner = job.owner;
+      use.project = job.project;
+      use.job = sequence;
+      use.job_name = job.name;
+    }
+    usage_.add(hour_, use);
+  }
+
   const std::string folder_;
   MemoryAssets assets_;
   const std::string id_ = "0123456789abcdef0123456789abcdef";
@@ -295,6 +321,9 @@ class MemoryStore final : public Store {
   std::map<std::string, std::map<std::int32_t, FrameRecord>> frames_;
   std::map<std::string, std::int32_t> removed_;  // states
   std::map<SettingKind, Settings> settings_;
+  MemoryEvents events_;
+  MemoryUsage usage_;
+  std::int64_t hour_ = 0;
   std::set<contract::Unit> damaged_;
 };
 

@@ -22,6 +22,9 @@ inline std::string sql_to_older_schema(std::int64_t version) {
       "DROP TABLE blocks; DROP TABLE images;",
       "DROP TABLE settings;",
       "DROP TABLE asset_contents;",
+      "DROP TABLE usage; DROP TABLE events; ALTER TABLE units DROP COLUMN hour; "
+      "ALTER TABLE jobs DROP COLUMN project; ALTER TABLE jobs DROP COLUMN failed_attempts; "
+      "ALTER TABLE store DROP COLUMN dropped_event;",
   };
   std::string sql;
   for (std::int64_t step = schema_version() - 1; step >= version; --step) {

@@ -78,8 +78,13 @@ class CoordinatorFixture : public testing::Test {
     spec.settings.spp = spp;
     return spec;
   }
-  absl::StatusOr<JobAdmission::Created> create(const JobSpec& spec) {
+  /// Returns the spec of a request that the coordinator may read from the store.
+  JobSpec remember(const JobSpec& spec) {
     specs_[spec.request] = spec;
+    return spec;
+  }
+  absl::StatusOr<JobAdmission::Created> create(const JobSpec& spec) {
+    remember(spec);
     absl::StatusOr<JobAdmission::Created> result = absl::UnknownError("no answer");
     coordinator->admission().create_job(spec, [&](const auto& created) { result = created; });
     pump();

@@ -18,6 +18,11 @@ Event event_of(EventKind kind, const std::string& job, const std::string& text =
   return {0, 0, kind, job, owner, "w", text};
 }
 
+/// Adds an event as the writer thread does once it is durable.
+void add(EventLog& log, const Event& event) {
+  log.publish(log.number({log.stamp(event)}));
+}
+
 std::vector<std::string> texts(const std::vector<Event>& events) {
   std::vector<std::string> texts;
   texts.reserve(events.size());
@@ -27,50 +32,99 @@ std::vector<std::string> texts(const std::vector<Event>& events) {
 
 TEST(EventLog, ReadsFromSequenceInPages) {
   EventLog log(1, no_time);
-  for (const char* text : {"a", "b", "c", "d"}) log.add(event_of(EventKind::job_done, "j", text));
+  for (const char* text : {"a", "b", "c", "d"}) add(log, event_of(EventKind::job_done, "j", text));
   const auto first = log.read({}, 2);
   EXPECT_EQ(texts(first), (std::vector<std::string>{"a", "b"}));
   EXPECT_EQ(texts(log.read({first.back().sequence, "", ""}, 9)),
             (std::vector<std::string>{"c", "d"}));
   EventLog next(2, no_time);  // after the next start
-  next.add(event_of(EventKind::job_done, "j"));
+  add(next, event_of(EventKind::job_done, "j"));
   EXPECT_GT(next.read({}, 1).front().sequence, log.read({}, 9).back().sequence);
 }
 
 TEST(EventLog, NewestSequenceGrowsAcrossRestarts) {
   EventLog log(1, no_time), next(2, no_time);
   const std::int64_t before = log.newest();
-  log.add({});  // a line
+  add(log, {});  // a line
   EXPECT_EQ(log.newest(), before + 1);
   EXPECT_GT(next.newest(), log.newest());
 }
 
 TEST(EventLog, JobLinesAreInterleavedWithEvents) {
   EventLog log(1, no_time);
-  log.add(event_of(EventKind::job_submitted, "j", "1"));
-  log.add(event_of(EventKind::log_line, "j", "2"));
-  log.add(event_of(EventKind::job_submitted, "other", "3"));
-  log.add(event_of(EventKind::log_line, "other", "4"));
-  log.add(event_of(EventKind::job_done, "j", "5"));
+  add(log, event_of(EventKind::job_submitted, "j", "1"));
+  add(log, event_of(EventKind::log_line, "j", "2"));
+  add(log, event_of(EventKind::job_submitted, "other", "3"));
+  add(log, event_of(EventKind::log_line, "other", "4"));
+  add(log, event_of(EventKind::job_done, "j", "5"));
   EXPECT_EQ(texts(log.read({0, "j", ""}, 9)), (std::vector<std::string>{"1", "2", "5"}));
   EXPECT_EQ(texts(log.read({0, "j", ""}, 2)), (std::vector<std::string>{"1", "2"}));
   EXPECT_EQ(texts(log.read({}, 9)), (std::vector<std::string>{"1", "3", "5"}));
 }
 
+TEST(EventLog, EventIsVisibleOncePublished) {
+  EventLog log(1, no_time);
+  int wakes = 0;
+  log.on_pending([&] { ++wakes; });
+  log.add(event_of(EventKind::job_done, "j", "a"));
+  log.add(event_of(EventKind::job_done, "j", "b"));
+  EXPECT_EQ(wakes, 1);
+  EXPECT_TRUE(log.read({}, 9).empty());
+  EventLog::Pending pending = log.take_pending();
+  EXPECT_FALSE(log.has_pending());
+  log.add(event_of(EventKind::job_done, "j", "c"));
+  log.put_back(pending);  // it could not be written
+  pending = log.take_pending();
+  EXPECT_EQ(texts(pending.events), (std::vector<std::string>{"a", "b", "c"}));
+  const std::int64_t before = log.newest();
+  EXPECT_EQ(log.number(pending.events).back().sequence, before + 3);
+  EXPECT_EQ(log.newest(), before) << "numbers are used once they are published";
+  log.publish(log.number(pending.events));
+  EXPECT_EQ(texts(log.read({}, 9)), (std::vector<std::string>{"a", "b", "c"}));
+}
+
+TEST(EventLog, EventsBeyondTheMaximumCountAsLost) {
+  EventLog log(1, no_time);
+  for (std::size_t i = 0; i <= EventLog::kMaxPending; ++i) {
+    log.add(event_of(EventKind::job_done, "j", std::to_string(i)));
+  }
+  const EventLog::Pending pending = log.take_pending();
+  EXPECT_TRUE(pending.has_lost);
+  EXPECT_EQ(pending.events.size(), EventLog::kMaxPending);
+  EXPECT_EQ(pending.events.front().text, "1");
+}
+
+TEST(EventLog, OlderEventsAreInTheStoreOnly) {
+  EventLog log(2, no_time);
+  std::vector<Event> stored;
+  for (std::size_t i = 0; i < EventLog::kMaxEvents; ++i) {
+    stored.push_back(event_of(EventKind::job_done, "j", std::to_string(i)));
+    stored.back().sequence = 100 + static_cast<std::int64_t>(i);
+  }
+  log.load(stored, 50);
+  EXPECT_EQ(log.complete_after(), 99);
+  add(log, event_of(EventKind::job_done, "j", "new"));
+  EXPECT_EQ(log.complete_after(), 100);
+  EXPECT_EQ(log.read({.after = 100}, 1).front().sequence, 101);
+  EventLog small(2, no_time);
+  small.load({stored[7]}, 50);
+  EXPECT_EQ(small.complete_after(), 50) << "all that are kept";
+}
+
 TEST(EventLog, OwnerSeesOwnJobsAndWorkers) {
   EventLog log(1, no_time);
-  log.add(event_of(EventKind::job_done, "a", "ann's", "ann"));
-  log.add(event_of(EventKind::job_done, "b", "bob's", "bob"));
-  log.add(event_of(EventKind::worker_joined, "", "worker", ""));
+  add(log, event_of(EventKind::job_done, "a", "ann's", "ann"));
+  add(log, event_of(EventKind::job_done, "b", "bob's", "bob"));
+  add(log, event_of(EventKind::worker_joined, "", "worker", ""));
   EXPECT_EQ(texts(log.read({0, "", "ann"}, 9)), (std::vector<std::string>{"ann's", "worker"}));
 }
 
 TEST(EventLog, LogLinesDoNotEvictEvents) {
   EventLog log(1, no_time);
-  log.add(event_of(EventKind::job_submitted, "j", "submitted"));
+  add(log, event_of(EventKind::job_submitted, "j", "submitted"));
   const std::size_t count = EventLog::kMaxLinesOfJob + 10;
   for (std::size_t i = 0; i < count; ++i) {
-    log.add(event_of(EventKind::log_line, "j", std::to_string(i)));
+    add(log, event_of(EventKind::log_line, "j", std::to_string(i)));
   }
   const auto kept = texts(log.read({0, "j", ""}, 2 * count));
   ASSERT_EQ(kept.size(), EventLog::kMaxLinesOfJob + 1);
@@ -83,7 +137,7 @@ TEST(EventLog, TotalSizeIsLimited) {
   EventLog log(1, no_time);
   const std::size_t jobs = EventLog::kMaxLines / 1000 + 2;
   for (std::size_t job = 0; job < jobs; ++job) {
-    for (int i = 0; i < 1000; ++i) log.add(event_of(EventKind::log_line, std::to_string(job)));
+    for (int i = 0; i < 1000; ++i) add(log, event_of(EventKind::log_line, std::to_string(job)));
   }
   std::size_t sum = 0;
   for (std::size_t job = 0; job < jobs; ++job) {
@@ -97,7 +151,7 @@ TEST(EventLog, LongLineIsCutAtCharacterBoundary) {
   EventLog log(1, no_time);
   std::string umlauts(1, 'x');
   while (umlauts.size() < 2 * EventLog::kMaxTextBytes) umlauts += "\xC3\xA4";
-  log.add(event_of(EventKind::job_failed, "j", umlauts));
+  add(log, event_of(EventKind::job_failed, "j", umlauts));
   EXPECT_EQ(log.read({}, 1).front().text, umlauts.substr(0, EventLog::kMaxTextBytes - 1));
   EXPECT_EQ(cut_text("a\xE2\x82\xAC", 3), "a");
   EXPECT_EQ(cut_text("a\xE2\x82\xAC", 4), "a\xE2\x82\xAC");
@@ -106,6 +160,7 @@ TEST(EventLog, LongLineIsCutAtCharacterBoundary) {
 class Events : public CoordinatorFixture {
  protected:
   std::vector<EventKind> kinds(const std::string& job = "") {
+    pump();  // they are visible once they are durable
     std::vector<EventKind> kinds;
     for (const Event& event : coordinator->events().read({0, job, ""}, 1000)) {
       kinds.push_back(event.kind);
@@ -163,6 +218,7 @@ TEST_F(Events, FailedUnitIncludesLastRendererOutput) {
   coordinator->workers().fail_unit(worker.session, unit.lease, unit.name.unit.tile,
                                    {"", "it broke", "first\nsecond\n"},
                                    absl::StatusCode::kInternal);
+  pump();
   const auto events = texts(coordinator->events().read({0, job, ""}, 100));
   ASSERT_GE(events.size(), 3u);
   const std::vector<std::string> last(events.end() - 3, events.end());
@@ -177,6 +233,7 @@ TEST_F(Events, WorkerLogsOnlyForLeasedJobs) {
   const TestWorker stranger = join("late", 0);
   coordinator->workers().take_log_lines(stranger.session, {{job, "not mine"}});
   coordinator->workers().take_log_lines(worker.session, {{job, "mine"}, {"nosuch", "of no job"}});
+  pump();
   const auto events = coordinator->events().read({0, job, ""}, 100);
   EXPECT_EQ(events.back().text, "mine");
   EXPECT_EQ(events.back().worker_id, "w");
@@ -184,12 +241,17 @@ TEST_F(Events, WorkerLogsOnlyForLeasedJobs) {
   finish_job(worker, job);
   coordinator->workers().take_log_lines(worker.session,
                                         {{job, "the last word"}});  // late, but accepted
+  pump();
   EXPECT_EQ(coordinator->events().read({0, job, ""}, 100).back().text, "the last word");
   start();
   worker = join("w");  // after a restart of the server
   coordinator->workers().take_log_lines(worker.session, {{job, "the very last"}});
-  EXPECT_EQ(texts(coordinator->events().read({0, job, ""}, 100)),
-            std::vector<std::string>{"the very last"});
+  pump();
+  const auto kept = texts(coordinator->events().read({0, job, ""}, 100));
+  EXPECT_EQ(kept.back(), "the very last");
+  EXPECT_EQ(std::count(kept.begin(), kept.end(), "mine"), 0)
+      << "lines of the last process are gone";
+  EXPECT_EQ(kept.front(), "shot") << "its events are not";
 }
 
 TEST_F(Events, DrainedWorkerGetsNoLeases) {
@@ -241,6 +303,74 @@ TEST_F(Events, BanSurvivesRestartUntilLifted) {
   EXPECT_TRUE(absl::IsNotFound(allow("nobody")));
   start();
   EXPECT_TRUE(store.banned_workers()->empty());
+}
+
+// Durable events ----------------------------------------------------------------------------------
+
+TEST_F(Events, AreTheSameAfterRestart) {
+  TestWorker worker = join("w");
+  const std::string job = create_job("shot");
+  finish_job(worker, job);
+  pump();
+  const auto before = coordinator->events().read({}, 1000);
+  ASSERT_FALSE(before.empty());
+  start();
+  const auto after = coordinator->events().read({}, 1000);
+  ASSERT_GE(after.size(), before.size());
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    EXPECT_EQ(after[i].sequence, before[i].sequence);
+    EXPECT_EQ(after[i].text, before[i].text);
+  }
+  create_job("next");
+  pump();
+  EXPECT_GT(coordinator->events().read({}, 1000).back().sequence, before.back().sequence);
+}
+
+/// Kills the server after each round of the writer: a job that is DONE in the store must have one
+/// event of each kind, and what was visible must still be there.
+TEST_F(Events, EveryChangeHasOneEventOverAnyCrash) {
+  for (int rounds = 0; rounds < 12; ++rounds) {
+    const std::string name = "shot" + std::to_string(rounds);
+    TestWorker worker = join("w");
+    coordinator->admission().create_job(remember(spec_of(name)), [](const auto&) {});
+    for (int round = 0; round < rounds; ++round) {
+      coordinator->run_writer(false);
+      coordinator->run_film(false);
+      deliver_all(worker);
+    }
+    const auto seen = coordinator->events().read({}, 100'000);
+    start();
+    const auto kept = coordinator->events().read({}, 100'000);
+    ASSERT_GE(kept.size(), seen.size());
+    for (std::size_t i = 0; i < seen.size(); ++i) ASSERT_EQ(kept[i].sequence, seen[i].sequence);
+    worker = join("w");
+    EXPECT_TRUE(create(spec_of(name)).ok()) << "the client repeats its request";
+    const auto found = coordinator->queries().find_job(name);
+    ASSERT_TRUE(found.ok()) << found.status();
+    finish_job(worker, found->spec->id);
+    const std::vector<EventKind> told = kinds(found->spec->id);
+    for (const EventKind kind :
+         {EventKind::job_submitted, EventKind::frame_finished, EventKind::job_done}) {
+      EXPECT_EQ(std::count(told.begin(), told.end(), kind), 1)
+          << "kind " << static_cast<int>(kind) << " after a crash in round " << rounds;
+    }
+  }
+}
+
+TEST_F(Events, FailedTransactionKeepsThemForTheNextOne) {
+  join("w");
+  pump();
+  const std::size_t before = kinds().size();
+  store.fail_transactions_with(absl::ResourceExhaustedError("full"));
+  coordinator->workers().drain_worker("w").IgnoreError();
+  pump();
+  EXPECT_EQ(coordinator->events().read({}, 1000).size(), before);
+  store.fail_transactions_with(absl::OkStatus());
+  now += std::chrono::minutes(1);
+  coordinator->tick();
+  pump();
+  const auto events = kinds();
+  EXPECT_EQ(std::count(events.begin(), events.end(), EventKind::worker_drained), 1);
 }
 
 }  // namespace

@@ -63,6 +63,8 @@ void SimulatedFarm::start_scheduler() {
   scheduler_->set_limit(kLimit, limit_, now_);
   excess_ = 0;
   for (const auto& [worker, pool] : moved_) scheduler_->move(worker, pool, now_);
+  for (const std::string& worker : aside_) scheduler_->set_aside(worker, "", now_);
+  scheduler_->stop_accounts(stopped_, now_);
   for (const std::string& name : bans_) scheduler_->ban(name);
   for (const auto& [key, stored] : store_) {
     Job& job = scheduler_->add_job(key, stored->spec, stored->state);
@@ -178,13 +180,9 @@ void SimulatedFarm::read_mail(Computer& computer) {
 }
 
 void SimulatedFarm::take_lease(Computer& computer, const Lease& lease) {
+  last_lease_ = std::max(last_lease_, lease.attempt);
   const Job* job = scheduler_->find_job(lease.job_id);
-  if (job != nullptr && !has_ended(job->state)) {
-    for (const Dependency& dependency : job->spec->after) {
-      if (is_met(dependency, lease.frame)) continue;
-      violate(absl::StrCat("job ", lease.job_id, " is leased before job ", dependency.job_id));
-    }
-  }
+  if (job != nullptr && !has_ended(job->state)) check_lease(computer, *job, lease);
   for (std::int32_t i = 0; i < lease.tile_count; ++i) {
     const Unit unit{lease.frame, lease.first_tile + i, lease.pass};
     if (job != nullptr && job->plan && job->plan->is_committed(unit) &&
@@ -435,7 +433,9 @@ void SimulatedFarm::check() {
   check_limits();
   for (const auto& [key, job] : scheduler_->jobs()) {
     if (job.state == JobState::failed && !scheduler_->check_possible(job).ok()) continue;
-    if (job.state == JobState::failed) violate(absl::StrCat("job failed: ", job.reason));
+    if (job.state == JobState::failed || job.is_paused_by_failures()) {
+      violate(absl::StrCat("job failed: ", job.reason));
+    }
     if (job.state == JobState::failed || !job.plan) continue;
     for (const auto& [unit, kept] : store_.at(key)->units) {
       if (!has_ended(job.state) && !job.plan->is_committed(unit)) {

@@ -28,11 +28,12 @@ class Dice {
 /// A farm in one thread and simulated time: the scheduler, a model of the store, and workers that
 /// join, leave, crash, lie, fail, and deliver late or twice. Everything follows from the seed.
 ///
-/// One certificate is faulty. Two honest workers stay, so no job may fail. run() checks after each
-/// step that the scheduler's indexes match a recount, that no committed unit is leased again but
-/// for an audit, that no unit is leased before the jobs that its own waits for, that no limit is
-/// exceeded but by units that workers brought back, and at the end that every job is done and
-/// owners had their shares.
+/// One certificate is faulty. Two honest workers stay, so no job may fail or be paused by failures.
+/// run() checks after each step that the scheduler's indexes match a recount, that no committed
+/// unit is leased again but for an audit, that no unit is leased before the jobs that its own waits
+/// for, to a worker that is set aside or blocked for its job, or while its owner's budget is used
+/// up, that no limit is exceeded but by units that workers brought back, and at the end that every
+/// job is done and owners had their shares.
 class SimulatedFarm {
  public:
   explicit SimulatedFarm(std::uint64_t seed);
@@ -45,7 +46,7 @@ class SimulatedFarm {
   struct Events {
     int commits = 0, duplicates = 0, audits = 0, restarts = 0, crashes = 0, failures = 0, lies = 0,
         redone = 0, quarantines = 0, late_ticks = 0, lost_writes = 0, removals = 0, impossible = 0,
-        moves = 0, full_limits = 0;
+        moves = 0, full_limits = 0, asides = 0, blocks = 0, stops = 0;
   };
   const Events& events() const { return events_; }
 
@@ -63,6 +64,11 @@ class SimulatedFarm {
   void add_dependencies(JobSpec& spec);
   void remove_job(JobKey key);
   void change_job(Job& job);
+  Attempt newest_lease() const;
+  void toggle_block(JobKey key, JobSpec& spec);
+  void toggle_aside();
+  void toggle_stop();
+  void check_lease(const Computer& computer, const Job& job, const Lease& lease);
   void retry(Job& job);
   void resume_all();
   bool is_met(const Dependency& dependency, std::int32_t frame) const;
@@ -100,6 +106,13 @@ class SimulatedFarm {
   std::int64_t limit_ = 0;                    // units of the only limit
   std::int64_t excess_ = 0;                   // its use that workers brought back, or more
   std::map<std::string, std::string> moved_;  // pool, by worker ID
+  std::set<std::string> aside_;               // worker IDs
+  std::map<Account, std::string> stopped_;
+  Attempt last_lease_;  // newest that a worker has read
+  // The newest lease when a worker was set aside, blocked for a job, an account stopped.
+  std::map<std::string, Attempt> aside_since_;
+  std::map<std::pair<JobKey, std::string>, Attempt> blocked_since_;
+  std::map<Account, Attempt> stopped_since_;
   std::set<std::string> bans_, roster_;
   std::vector<UsageRow> usage_;
   std::vector<Write> writes_;  // delivered, not durable

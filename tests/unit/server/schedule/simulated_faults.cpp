@@ -45,6 +45,39 @@ bool SimulatedFarm::is_met(const Dependency& dependency, std::int32_t frame) con
   return false;
 }
 
+/// Returns the newest lease that was granted.
+Attempt SimulatedFarm::newest_lease() const {
+  Attempt newest = last_lease_;
+  for (const auto& [key, worker] : scheduler_->workers()) {
+    for (const Lease& lease : worker.outbox.leases) newest = std::max(newest, lease.attempt);
+  }
+  return newest;
+}
+
+/// Checks a lease when its worker reads it. It may be older than a rule.
+void SimulatedFarm::check_lease(const Computer& computer, const Job& job, const Lease& lease) {
+  for (const Dependency& dependency : job.spec->after) {
+    if (is_met(dependency, lease.frame)) continue;
+    violate(absl::StrCat("job ", lease.job_id, " is leased before job ", dependency.job_id));
+  }
+  if (aside_.count(computer.id) > 0 && lease.attempt > aside_since_.at(computer.id)) {
+    violate(absl::StrCat(computer.id, " is set aside"));
+  }
+  if (job.spec->blocked_workers.count(computer.id) > 0 &&
+      lease.attempt > blocked_since_.at({job.key, computer.id})) {
+    violate(absl::StrCat(computer.id, " is blocked for job ", lease.job_id));
+  }
+  const contract::Unit unit{lease.frame, lease.first_tile, lease.pass};
+  const bool is_audit = job.plan && job.plan->is_committed(unit);
+  const Worker* worker = scheduler_->find_worker(computer.key);
+  const bool is_held = worker != nullptr && worker->leased_units.count({job.key, unit}) > 0;
+  const Account account{AccountScope::owner, job.spec->owner};
+  if (stopped_.count(account) > 0 && lease.attempt > stopped_since_.at(account) && is_held &&
+      !is_audit) {
+    violate(absl::StrCat("the budget of ", job.spec->owner, " is used up"));
+  }
+}
+
 /// Lets what workers brought back, and what was leased before a limit was lowered, run out.
 void SimulatedFarm::check_limits() {
   const std::int64_t used = scheduler_->limits().all().at(kLimit).used;
@@ -64,6 +97,8 @@ void SimulatedFarm::retry(Job& job) {
 /// cancelled, jobs that others wait for and that are gone.
 void SimulatedFarm::resume_all() {
   is_resumed_ = true;
+  stopped_.clear();
+  scheduler_->stop_accounts(stopped_, now_);
   for (const auto& [key, stored] : store_) {
     Job& job = *scheduler_->find_job(key);
     if (job.state != JobState::done && !scheduler_->check_possible(job).ok()) {
@@ -116,12 +151,48 @@ void SimulatedFarm::change_job(Job& job) {
   spec->limits.clear();
   if (dice_.one_in(2)) spec->limits = {{kLimit, 1 + dice_.below(2)}};
   if (dice_.one_in(4)) spec->after.clear();
+  if (dice_.one_in(2)) toggle_block(job.key, *spec);
   store_.at(job.key)->spec = spec;
   scheduler_->change(job, spec, now_);
   if (job.state == JobState::failed && scheduler_->check_possible(job).ok()) {
     retry(job);
   }
   excess_ = std::max(excess_, scheduler_->limits().all().at(kLimit).used);
+}
+
+/// Blocks or unblocks one of the workers that come and go for the job.
+void SimulatedFarm::toggle_block(JobKey key, JobSpec& spec) {
+  const auto computer =
+      std::next(computers_.begin(), dice_.below(static_cast<int>(computers_.size())));
+  if (computer->second->is_anchor) return;
+  ++events_.blocks;
+  blocked_since_[{key, computer->first}] = newest_lease();
+  if (spec.blocked_workers.erase(computer->first) == 0) {
+    spec.blocked_workers.insert(computer->first);
+  }
+}
+
+void SimulatedFarm::toggle_aside() {
+  const auto computer =
+      std::next(computers_.begin(), dice_.below(static_cast<int>(computers_.size())));
+  if (computer->second->is_anchor) return;
+  ++events_.asides;
+  aside_since_[computer->first] = newest_lease();
+  if (aside_.erase(computer->first) > 0) {
+    scheduler_->bring_back(computer->first, now_);
+  } else {
+    aside_.insert(computer->first);
+    scheduler_->set_aside(computer->first, "", now_);
+  }
+}
+
+/// Uses up an owner's budget, or raises it.
+void SimulatedFarm::toggle_stop() {
+  ++events_.stops;
+  const Account account{AccountScope::owner, absl::StrCat("owner", dice_.below(4))};
+  stopped_since_[account] = newest_lease();
+  if (stopped_.erase(account) == 0) stopped_[account] = "used up";
+  scheduler_->stop_accounts(stopped_, now_);
 }
 
 void SimulatedFarm::remove_job(JobKey key) {
@@ -139,6 +210,8 @@ void SimulatedFarm::disturb() {
     add_computer(is_faulty ? "faulty" : absl::StrCat("honest", dice_.below(4)), is_faulty, false);
   }
   if (dice_.one_in(150)) restart_server();
+  if (dice_.one_in(80)) toggle_aside();
+  if (dice_.one_in(100)) toggle_stop();
   for (auto& [id, computer] : computers_) {
     if (dice_.one_in(60)) lose_stream(*computer);
     if (computer->is_anchor || !dice_.one_in(80)) continue;

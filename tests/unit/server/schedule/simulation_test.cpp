@@ -56,18 +56,22 @@ TEST_P(Simulation, InvariantsHoldForAllSeeds) {
     sum.impossible += events.impossible;
     sum.moves += events.moves;
     sum.full_limits += events.full_limits;
+    sum.asides += events.asides;
+    sum.blocks += events.blocks;
+    sum.stops += events.stops;
   }
   std::printf(
       "seeds %d to %d: %d commits, %d duplicates, %d audits, %d restarts, %d crashes, %d failures, "
       "%d wrong results, %d redone, %d quarantined, %d late ticks, %d lost writes, %d removed, "
-      "%d never possible, %d moved, %d steps at a limit\n",
+      "%d never possible, %d moved, %d steps at a limit, %d set aside, %d blocked, %d stopped\n",
       first, first + count - 1, sum.commits, sum.duplicates, sum.audits, sum.restarts, sum.crashes,
       sum.failures, sum.lies, sum.redone, sum.quarantines, sum.late_ticks, sum.lost_writes,
-      sum.removals, sum.impossible, sum.moves, sum.full_limits);
+      sum.removals, sum.impossible, sum.moves, sum.full_limits, sum.asides, sum.blocks, sum.stops);
   if (count < 100) return;
-  for (const int happened : {sum.duplicates, sum.audits, sum.restarts, sum.crashes, sum.failures,
-                             sum.lies, sum.redone, sum.quarantines, sum.late_ticks, sum.removals,
-                             sum.impossible, sum.moves, sum.full_limits}) {
+  for (const int happened :
+       {sum.duplicates, sum.audits, sum.restarts, sum.crashes, sum.failures, sum.lies, sum.redone,
+        sum.quarantines, sum.late_ticks, sum.removals, sum.impossible, sum.moves, sum.full_limits,
+        sum.asides, sum.blocks, sum.stops}) {
     EXPECT_GT(happened, 0) << "every kind of fault takes place";
   }
 }

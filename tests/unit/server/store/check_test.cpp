@@ -150,6 +150,15 @@ TEST_F(StoreCheckTest, ImpossibleTotalsAreAFault) {
   expect_fault("no job 77");
 }
 
+TEST_F(StoreCheckTest, UnitsThatAreNotChargedAreAFault) {
+  change_rows("UPDATE usage SET units=units-1");
+  const StoreFindings found = check();
+  ASSERT_FALSE(found.faults.empty());
+  EXPECT_TRUE(absl::StrContains(found.faults[0], "account of job")) << found.faults[0];
+  change_rows("UPDATE usage SET units=units+5");  // an extended job
+  EXPECT_TRUE(check().faults.empty());
+}
+
 TEST_F(StoreCheckTest, UnitsOfRemovedJobAreAFault) {
   change_rows("UPDATE jobs SET removed=1 WHERE id='open'");
   EXPECT_GE(check().faults.size(), 2u);

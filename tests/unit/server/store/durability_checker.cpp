@@ -166,6 +166,13 @@ DurabilityChecker::Test counts_units(const std::string& job_id, std::int64_t uni
       count += total.units;
       cpu_seconds += total.cpu_seconds;
     }
+    const auto account = store.usage().read({.by_job = true}, 1000);
+    if (!account.ok()) return account.status().ToString();
+    std::int64_t charged = 0;
+    for (const UsageSum& sum : *account) charged += sum.job_id == job_id ? sum.units : 0;
+    if (charged != units) {
+      return std::to_string(charged) + " units are charged, not " + std::to_string(units);
+    }
     if (count != units)
       return "is " + std::to_string(count) + " units, was " + std::to_string(units);
     return cpu_seconds == 0.25 * static_cast<double>(count) ? "" : "has other figures";
@@ -269,6 +276,18 @@ std::vector<std::string> facts(Store& store) {
     if (!frames.ok()) continue;
     for (const FrameRecord& frame : *frames) {
       lines.push_back("frame " + job.id + " " + frame.file + " " + frame.file_sha256.hex());
+    }
+  }
+  const auto account = store.usage().read({.by_owner = true, .by_job = true}, 1000);
+  if (account.ok()) {
+    for (const UsageSum& sum : *account) {
+      lines.push_back("used " + sum.owner + " " + sum.job_id + " " + std::to_string(sum.units));
+    }
+  }
+  const auto events = store.events().newest(1000);
+  if (events.ok()) {
+    for (const Event& event : *events) {
+      lines.push_back("event " + std::to_string(event.sequence) + " " + event.text);
     }
   }
   const auto roster = store.roster();

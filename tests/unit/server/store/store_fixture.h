@@ -15,8 +15,6 @@
 
 namespace tessera::server {
 
-inline constexpr std::int64_t kHourUs = std::int64_t{3600} * 1'000'000;
-
 /// A store in a private folder that can be reopened as after the end of the process.
 class StoreFixture : public ::testing::Test {
  protected:
@@ -29,6 +27,7 @@ class StoreFixture : public ::testing::Test {
     options.slack_pages = slack_pages_;
     options.checkpoint_pages = checkpoint_pages_;
     options.now_us = [this] { return now_us_; };
+    options.max_events = max_events_;
     auto store = Store::open(path(), real_filesystem(), options);
     ASSERT_TRUE(store.ok()) << store.status();
     store_ = *std::move(store);
@@ -109,6 +108,7 @@ class StoreFixture : public ::testing::Test {
   std::int64_t segment_bytes_ = 1 << 20;
   int slack_pages_ = 256, checkpoint_pages_ = 2000;
   std::int64_t now_us_ = 100 * kHourUs;
+  std::int64_t max_events_ = 200'000;
 };
 
 }  // namespace tessera::server

@@ -1,0 +1,187 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <iterator>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "cli/command.h"
+#include "cli/finite_range.h"
+#include "client/api/farm_client.h"
+#include "client/cli/table.h"
+#include "client/commands/commands.h"
+
+namespace tessera::client {
+namespace {
+
+constexpr double kHour = 3600;
+
+constexpr std::pair<const char*, v1::Budget::Period> kPeriods[] = {
+    {"ever", v1::Budget::PERIOD_EVER},
+    {"day", v1::Budget::PERIOD_DAY},
+    {"week", v1::Budget::PERIOD_WEEK},
+    {"month", v1::Budget::PERIOD_MONTH}};
+constexpr std::pair<const char*, v1::Budget::Action> kActions[] = {
+    {"warn", v1::Budget::ACTION_WARN}, {"stop", v1::Budget::ACTION_STOP}};
+
+template <typename Names, typename Value>
+std::string name_of(const Names& names, Value value) {
+  for (const auto& [name, named] : names) {
+    if (named == value) return name;
+  }
+  return "unknown";
+}
+
+/// Returns the value of a name that the command line has checked.
+template <typename Names>
+auto value_of(const Names& names, const std::string& text) {
+  const auto found = std::find_if(std::begin(names), std::end(names),
+                                  [&](const auto& entry) { return entry.first == text; });
+  return found->second;
+}
+
+struct BudgetOptions {
+  std::string owner, project, period = "ever", action = "stop";
+  double cpu_hours = 0, warning_fraction = 0.8;
+
+  v1::Budget::Scope scope() const {
+    return owner.empty() ? v1::Budget::SCOPE_PROJECT : v1::Budget::SCOPE_OWNER;
+  }
+  const std::string& name() const { return owner.empty() ? project : owner; }
+};
+
+std::string account_of(const v1::Budget& budget) {
+  return absl::StrCat(budget.scope() == v1::Budget::SCOPE_OWNER ? "client " : "project ",
+                      budget.name());
+}
+
+nlohmann::ordered_json document_of(const v1::Budget& budget) {
+  return {{"scope", budget.scope() == v1::Budget::SCOPE_OWNER ? "owner" : "project"},
+          {"name", budget.name()},
+          {"cpu_seconds", budget.cpu_seconds()},
+          {"used_cpu_seconds", budget.used_cpu_seconds()},
+          {"period", name_of(kPeriods, budget.period())},
+          {"action", name_of(kActions, budget.action())},
+          {"warning_fraction", budget.warning_fraction()}};
+}
+
+int run_list(bool json, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto budgets = (*client)->list_budgets();
+  if (!budgets.ok()) return fail(budgets.status());
+  if (json) {
+    nlohmann::ordered_json document = {{"schema", "tessera.budgets/1"},
+                                       {"budgets", nlohmann::ordered_json::array()}};
+    for (const v1::Budget& budget : *budgets) document["budgets"].push_back(document_of(budget));
+    std::printf("%s\n", document.dump(2).c_str());
+    return kExitDone;
+  }
+  Table table({"ACCOUNT", "CPU HOURS", "USED", "PERIOD", "WHEN USED UP"});
+  for (const v1::Budget& budget : *budgets) {
+    table.add({account_of(budget), absl::StrFormat("%.6g", budget.cpu_seconds() / kHour),
+               format_share(budget.used_cpu_seconds(), budget.cpu_seconds()),
+               name_of(kPeriods, budget.period()), name_of(kActions, budget.action())});
+  }
+  std::fputs(table.text().c_str(), stdout);
+  return kExitDone;
+}
+
+int run_set(const BudgetOptions& options, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  v1::Budget budget;
+  budget.set_scope(options.scope());
+  budget.set_name(options.name());
+  budget.set_cpu_seconds(options.cpu_hours * kHour);
+  budget.set_period(value_of(kPeriods, options.period));
+  budget.set_action(value_of(kActions, options.action));
+  budget.set_warning_fraction(options.warning_fraction);
+  const auto set = (*client)->set_budget(budget);
+  if (!set.ok()) return fail(set.status());
+  std::printf("%s has %.6g CPU hours, %s are used\n", account_of(*set).c_str(),
+              set->cpu_seconds() / kHour,
+              format_share(set->used_cpu_seconds(), set->cpu_seconds()).c_str());
+  return kExitDone;
+}
+
+int run_remove(const BudgetOptions& options, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const absl::Status status = (*client)->remove_budget(options.scope(), options.name());
+  if (!status.ok()) return fail(status);
+  std::printf("the budget of %s %s is removed\n", options.owner.empty() ? "project" : "client",
+              options.name().c_str());
+  return kExitDone;
+}
+
+CLI::App* add_command(CLI::App& command, Invocation& invocation, const char* name,
+                      const char* description, const std::shared_ptr<BudgetOptions>& options,
+                      int (*run)(const BudgetOptions&, const Connection&)) {
+  CLI::App* sub = cli::add_command(command, name, description);
+  add_connection_options(*sub, invocation.connection);
+  CLI::Option_group* account = sub->add_option_group("Account", "");
+  account->add_option("--owner", options->owner, "Client, all jobs of which count")
+      ->type_name("NAME");
+  account->add_option("--project", options->project, "Project, all jobs of which count")
+      ->type_name("NAME");
+  account->require_option(1);
+  sub->callback([options, run, &invocation] {
+    invocation.run = [options, run, &invocation] { return run(*options, invocation.connection); };
+  });
+  return sub;
+}
+
+void add_set_options(CLI::App& command, BudgetOptions& options) {
+  command.add_option("--cpu-hours", options.cpu_hours, "CPU hours of each period")
+      ->check(cli::finite_range(1e-6, 1e11))
+      ->type_name("HOURS")
+      ->required();
+  command.add_option("--period", options.period, "After which use starts from zero, in UTC")
+      ->check(CLI::IsMember({"ever", "day", "week", "month"}))
+      ->capture_default_str();
+  command
+      .add_option("--when-used-up", options.action,
+                  "Only warn, or stop leasing units; leased ones are finished")
+      ->check(CLI::IsMember({"warn", "stop"}))
+      ->capture_default_str();
+  command.add_option("--warn-at", options.warning_fraction, "Fraction of the budget for a warning")
+      ->check(cli::finite_range(0.01, 1.0))
+      ->capture_default_str();
+}
+
+}  // namespace
+
+void add_budgets_command(CLI::App& app, Invocation& invocation) {
+  auto json = std::make_shared<bool>(false);
+  CLI::App* command =
+      cli::add_command(app, "budgets", "List budgets of clients and projects, and what is used");
+  add_connection_options(*command, invocation.connection);
+  command->add_flag("--json", *json, "JSON output (tessera.budgets/1)");
+  const auto to_set = std::make_shared<BudgetOptions>();
+  CLI::App* set = add_command(*command, invocation, "set", "Set the budget of a client or project",
+                              to_set, run_set);
+  add_set_options(*set, *to_set);
+  set->footer(
+      "Use before the command counts. Events warn when the fraction and when all is used.\n"
+      "Examples:\n  tessera budgets set --owner ann --cpu-hours 500 --period month\n"
+      "  tessera budgets set --project film --cpu-hours 20000 --when-used-up warn");
+  add_command(*command, invocation, "remove", "Remove a budget", std::make_shared<BudgetOptions>(),
+              run_remove)
+      ->footer("Example:\n  tessera budgets remove --owner ann");
+  command->require_subcommand(0, 1);
+  command->footer(
+      "On farms with certificates, set and remove require an admin certificate, and a client sees\n"
+      "its own budget.\n"
+      "Examples:\n  tessera budgets\n  tessera budgets set --owner ann --cpu-hours 500");
+  command->callback([command, json, &invocation] {
+    if (!command->get_subcommands().empty()) return;  // the subcommand has its own callback
+    invocation.run = [json, &invocation] { return run_list(*json, invocation.connection); };
+  });
+}
+
+}  // namespace tessera::client

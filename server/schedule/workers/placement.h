@@ -1,0 +1,30 @@
+#pragma once
+
+#include <map>
+#include <string>
+
+namespace tessera::server {
+
+/// What operators decided about workers, present or not: the pool that they belong to, and which
+/// are set aside. Pure.
+class Placement {
+ public:
+  using ByWorker = std::map<std::string, std::string>;
+
+  /// Moves a worker to a pool; "": to the one that it names itself.
+  void move(const std::string& worker_id, const std::string& pool);
+  /// Returns the pool of a worker that names `own` itself.
+  std::string pool_of(const std::string& worker_id, const std::string& own) const;
+  /// Pools that workers were moved to.
+  const ByWorker& moved() const { return moved_; }
+
+  void set_aside(const std::string& worker_id, const std::string& reason);
+  void bring_back(const std::string& worker_id) { aside_.erase(worker_id); }
+  /// Reasons of the workers that are set aside.
+  const ByWorker& aside() const { return aside_; }
+
+ private:
+  ByWorker moved_, aside_;
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <string>
+
+#include "server/schedule/plan/job_spec.h"
+
+namespace tessera::server {
+
+/// Whether the server works, from signs of life of its threads, for probes of liveness and
+/// readiness. Thread-safe and without locks: it answers while the farm's lock is stuck.
+class Health {
+ public:
+  /// Time after which a thread that gives no sign counts as stuck.
+  static constexpr std::chrono::seconds kTimerLimit{60}, kWriterLimit{30};
+
+  explicit Health(std::function<Time()> clock);
+
+  /// The timer thread has held the farm's lock.
+  void note_timer() { timer_ = now(); }
+  /// The writer thread has finished what was posted before.
+  void note_writer() { writer_ = now(); }
+  /// Calls are accepted from now on, or no longer.
+  void set_accepting(bool is_accepting) { is_accepting_ = is_accepting; }
+
+  /// Returns "" if the server is alive, else why not: it must be started again.
+  std::string why_dead() const;
+  /// Returns "" if the server is alive and can take work, else why not: callers should wait.
+  std::string why_unready() const;
+
+ private:
+  Duration::rep now() const { return clock_().time_since_epoch().count(); }
+  double seconds_since(const std::atomic<Duration::rep>& sign) const;
+
+  const std::function<Time()> clock_;
+  std::atomic<Duration::rep> timer_, writer_;
+  std::atomic<bool> is_accepting_ = false;
+};
+
+}  // namespace tessera::server
