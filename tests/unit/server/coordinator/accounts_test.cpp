@@ -9,7 +9,7 @@
 namespace tessera::server {
 namespace {
 
-const Account of_ann{AccountScope::owner, "ann"}, film{AccountScope::project, "film"};
+const Account client_ann{AccountScope::owner, "ann"}, film{AccountScope::project, "film"};
 
 class Accounts : public CoordinatorFixture {
  protected:
@@ -54,31 +54,31 @@ class Accounts : public CoordinatorFixture {
 TEST_F(Accounts, UsedUpBudgetStopsLeasesAndTellsOnce) {
   TestWorker worker = join("w", 2);
   const std::string job = create_job("shot");  // 6 units
-  ASSERT_TRUE(set(of_ann, {1.5, BudgetPeriod::ever, BudgetAction::stop, 0.5}).ok());
+  ASSERT_TRUE(set(client_ann, {1.5, BudgetPeriod::ever, BudgetAction::stop, 0.5}).ok());
   deliver_some(worker, 2);
   EXPECT_EQ(count(EventKind::budget_warning), 1);
   coordinator->workers().grant_credits(worker.session, 2);
   deliver_some(worker, 2);
-  EXPECT_EQ(state_of(of_ann).used_cpu_seconds, 2.0);
+  EXPECT_EQ(state_of(client_ann).used_cpu_seconds, 2.0);
   EXPECT_EQ(count(EventKind::budget_used_up), 1);
   coordinator->workers().grant_credits(worker.session, 2);
   collect(worker);
   EXPECT_TRUE(worker.units.empty());
   EXPECT_TRUE(absl::StartsWith(view(job).reason, "budget of client ann: ")) << view(job).reason;
   start();
-  EXPECT_EQ(state_of(of_ann).used_cpu_seconds, 2.0);
+  EXPECT_EQ(state_of(client_ann).used_cpu_seconds, 2.0);
   EXPECT_EQ(count(EventKind::budget_used_up), 1) << "also over a restart";
   EXPECT_EQ(count(EventKind::budget_warning), 1);
   worker = join("w");
   EXPECT_TRUE(worker.units.empty());
-  ASSERT_TRUE(set(of_ann, {100, BudgetPeriod::ever, BudgetAction::stop, 0.5}).ok());
+  ASSERT_TRUE(set(client_ann, {100, BudgetPeriod::ever, BudgetAction::stop, 0.5}).ok());
   collect(worker);
   EXPECT_FALSE(worker.units.empty());
   finish_job(worker, job);
   EXPECT_EQ(view(job).state, JobState::done);
-  EXPECT_EQ(state_of(of_ann).used_cpu_seconds, 3.0);
-  EXPECT_TRUE(remove(of_ann).ok());
-  EXPECT_TRUE(absl::IsNotFound(remove(of_ann)));
+  EXPECT_EQ(state_of(client_ann).used_cpu_seconds, 3.0);
+  EXPECT_TRUE(remove(client_ann).ok());
+  EXPECT_TRUE(absl::IsNotFound(remove(client_ann)));
 }
 
 TEST_F(Accounts, ProjectBudgetCountsWhatWasUsedBefore) {
@@ -103,7 +103,7 @@ TEST_F(Accounts, ProjectBudgetCountsWhatWasUsedBefore) {
 }
 
 TEST_F(Accounts, DuplicatesAndRestartsChargeNothing) {
-  ASSERT_TRUE(set(of_ann, {100, BudgetPeriod::ever, BudgetAction::warn, 0.8}).ok());
+  ASSERT_TRUE(set(client_ann, {100, BudgetPeriod::ever, BudgetAction::warn, 0.8}).ok());
   TestWorker worker = join("w");
   const std::string job = create_job("shot");
   collect(worker);
@@ -112,12 +112,12 @@ TEST_F(Accounts, DuplicatesAndRestartsChargeNothing) {
     for (std::size_t i = 0; i < 3; ++i) deliver(worker, units[i], bytes_of(units[i]));
     pump();
   }
-  EXPECT_EQ(state_of(of_ann).used_cpu_seconds, 1.5);
+  EXPECT_EQ(state_of(client_ann).used_cpu_seconds, 1.5);
   start();
   worker = join("w");
   for (std::size_t i = 0; i < 3; ++i) deliver(worker, units[i], bytes_of(units[i]));
   pump();
-  EXPECT_EQ(state_of(of_ann).used_cpu_seconds, 1.5);
+  EXPECT_EQ(state_of(client_ann).used_cpu_seconds, 1.5);
   const auto used = coordinator->queries().usage({.by_job = true}, 10);
   ASSERT_EQ(used->size(), 1u);
   EXPECT_EQ(used->front().units, 3);
@@ -127,7 +127,7 @@ TEST_F(Accounts, DuplicatesAndRestartsChargeNothing) {
 TEST_F(Accounts, NewPeriodStartsFromZero) {
   wall_us = 1'764'100'000'000'000;  // 2025-11-25
   store.set_hour(wall_us / kHourUs);
-  ASSERT_TRUE(set(of_ann, {1, BudgetPeriod::day, BudgetAction::stop, 0.8}).ok());
+  ASSERT_TRUE(set(client_ann, {1, BudgetPeriod::day, BudgetAction::stop, 0.8}).ok());
   TestWorker worker = join("w", 2);
   create_job("shot");
   deliver_some(worker, 2);
@@ -137,7 +137,7 @@ TEST_F(Accounts, NewPeriodStartsFromZero) {
   wall_us += 24 * kHourUs;
   now += std::chrono::seconds(1);
   coordinator->tick();
-  EXPECT_EQ(state_of(of_ann).used_cpu_seconds, 0);
+  EXPECT_EQ(state_of(client_ann).used_cpu_seconds, 0);
   collect(worker);
   EXPECT_FALSE(worker.units.empty());
 }
