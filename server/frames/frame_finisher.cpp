@@ -192,10 +192,10 @@ void FrameFinisher::finish(const FrameKey& key) {
   pipeline_.post_write(
       [this, key, frame, spec] {
         if (!may_record(key)) return absl::CancelledError("its units are rendered again");
-        absl::Status written =
-            frame->image.empty()
-                ? store_.finish_frame(key.job_id, frame->record)
-                : store_.finish_small_frame(key.job_id, frame->record, frame->image);
+        const FrameRecord& record = frame->record;
+        absl::Status written = frame->image.empty()
+                                   ? store_.finish_frame(key.job_id, record)
+                                   : store_.finish_small_frame(key.job_id, record, frame->image);
         if (written.ok()) tell_finished(key, spec->owner);
         return written;
       },

@@ -170,7 +170,7 @@ TEST_F(FailedWriteTest, JobResumesWhenDiskHasRoom) {
   EXPECT_EQ(view(job).state, JobState::paused) << "paused by the user";
 }
 
-TEST_F(FailedWriteTest, JobPausedByUserStaysPausedWhenDiskHasRoom) {
+TEST_F(FailedWriteTest, PauseByUserOutlastsFullDisk) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   const auto fill_and_free = [&](const std::function<void()>& meanwhile) {
