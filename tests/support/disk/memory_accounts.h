@@ -69,8 +69,9 @@ class MemoryUsage final : public UsageStore {
   absl::StatusOr<std::vector<UsageSum>> read(const UsageQuery& query,
                                              std::size_t /*limit*/) const override {
     std::vector<UsageSum> sums;
-    for (const auto& [hour, use] : uses_) {
-      if (!matches(query, hour, use)) continue;
+    for (const auto& entry : uses_) {
+      const UsageSum& use = entry.second;  // Clang 14 lets lambdas capture no structured bindings
+      if (!matches(query, entry.first, use)) continue;
       const auto same = std::find_if(sums.begin(), sums.end(),
                                      [&](const UsageSum& sum) { return sum.job_id == use.job_id; });
       if (same == sums.end()) {
