@@ -486,6 +486,8 @@ GLBS = {
     "glb_bin_empty": {"chunks": lambda j, b: [(b"JSON", j), (b"BIN\0", b""), (b"XTRA", b)]},
     "glb_json_twice": {"chunks": lambda j, b: [(b"JSON", j), (b"JSON", j), (b"BIN\0", b)]},
     "glb_json_empty": {"chunks": lambda j, b: [(b"JSON", b""), (b"BIN\0", b)]},
+    "glb_json_empty_last": {"chunks": lambda j, b: [(b"JSON", b"")]},
+    "glb_bin_first_json_empty": {"chunks": lambda j, b: [(b"BIN\0", b), (b"JSON", b"")]},
     "glb_uri": {"buffer": {"uri": "elsewhere.bin"}},
     "glb_data_uri": {"buffer": {"uri": data_uri(b"\0" * 4)}},
 }

@@ -82,7 +82,9 @@ class GlbCheck {
     if (repeated) add(rules::kGlbDuplicateChunk, header);
     const auto body = file_.subspan(at, std::min(size, file_.size() - at));
     at += body.size();
-    if (type == glb::kJsonChunk && !repeated) {
+    // An empty chunk at the end of the file is one fault, not also invalid JSON.
+    const bool has_text = size > 0 || at < file_.size();
+    if (type == glb::kJsonChunk && !repeated && has_text) {
       chunks_.json = std::string_view(reinterpret_cast<const char*>(body.data()), body.size());
     }
     if (type == glb::kBinChunk && !repeated) chunks_.binary = body;
