@@ -145,8 +145,7 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
          {"DELETE FROM units WHERE job=?", "DELETE FROM totals WHERE job=?",
           "DELETE FROM segments WHERE job=?", "DELETE FROM blocks WHERE job=?",
           "DELETE FROM frames WHERE job=?", "DELETE FROM images WHERE job=?",
-          "UPDATE jobs SET removed=1, request='', reason='', failed_attempts='' WHERE "
-          "sequence=?"}) {
+          "UPDATE jobs SET removed=1,request='',reason='',failed_attempts='' WHERE sequence=?"}) {
       if (absl::Status gone = rows.run(sql, {job->sequence}); !gone.ok()) return gone;
     }
     return absl::OkStatus();

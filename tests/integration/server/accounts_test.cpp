@@ -19,7 +19,7 @@ class AccountsService : public TestFarm {
     v1::SetBudgetRequest request;
     *request.mutable_budget() = budget;
     v1::SetBudgetResponse response;
-    const grpc::Status status = farm()->SetBudget(&context, request, &response);
+    grpc::Status status = farm()->SetBudget(&context, request, &response);
     if (answer != nullptr) *answer = response.budget();
     return status;
   }
