@@ -103,7 +103,7 @@ void CommitPipeline::finish_recording(const absl::Status& together, const absl::
   const absl::Status& status = together.ok() ? recorded : together;
   has_unwritten_events_ = !status.ok();
   if (status.ok()) return farm_.events().publish(std::exchange(numbered_, {}));
-  // What tell() recorded has failed with the transaction, or has been written without events.
+  // The changes are durable without their events, so these are kept as well.
   if (together.ok()) events.events.insert(events.events.end(), told_.begin(), told_.end());
   farm_.metrics().errors.journal.Increment();
   farm_.log(LogLevel::error, absl::StrCat("events: ", status.ToString()));

@@ -23,7 +23,7 @@ struct JobView {
   std::shared_ptr<const JobSpec> spec;  // owners: the coordinator and this copy
   JobState state = JobState::queued;
   std::string reason;
-  /// Of a job that has failed, or that failures have paused.
+  /// Set for a job that has failed, or that failures have paused.
   absl::StatusCode failure_code = absl::StatusCode::kOk;
   std::vector<FailedAttempt> failed_attempts;
   PauseCause pause_cause = PauseCause::none;

@@ -13,7 +13,7 @@ namespace tessera::server {
 /// After which use starts from zero, in UTC; numbers as in v1.Budget.Period.
 enum class BudgetPeriod : std::int32_t { ever = 1, day = 2, week = 3, month = 4 };
 
-/// What happens when a budget is used up; numbers as in v1.Budget.Action.
+/// The effect of a budget that is used up; numbers as in v1.Budget.Action.
 enum class BudgetAction : std::int32_t { warn = 1, stop = 2 };
 
 /// How much CPU time an account may use in a period.

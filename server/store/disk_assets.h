@@ -53,7 +53,7 @@ class DiskAssets final : public AssetStore {
   std::int64_t file_bytes() const { return file_bytes_; }
 
  private:
-  /// What the rows say about an asset. Sizes; -1: there is no such row.
+  /// Sizes of an asset in bytes, from its rows; -1: there is no such row.
   struct Rows {
     std::int64_t asset_bytes = -1, content_bytes = -1;
     bool is_file() const { return asset_bytes >= 0 && content_bytes < 0; }

@@ -107,7 +107,7 @@ struct Job {
   JobState state = JobState::queued;
   Demand demand = {};  // set by Scheduler::set_demand()
   std::string reason;
-  /// Of a job that has failed, or that failures have paused.
+  /// Set for a job that has failed, or that failures have paused.
   absl::StatusCode failure_code = absl::StatusCode::kOk;
   std::vector<FailedAttempt> failed_attempts;  // because of which it has failed or is paused
   std::int64_t unit_count = 0;                 // of the whole job

@@ -255,7 +255,7 @@ class Scheduler {
   /// others and is leased nothing.
   void set_aside(const std::string& worker_id, const std::string& reason, Time now);
   void bring_back(const std::string& worker_id, Time now);
-  /// What operators decided with move() and set_aside().
+  /// The decisions of operators that move() and set_aside() recorded.
   const Placement& placement() const { return placement_; }
 
   // Time -----------------------------------------------------------------------------------------

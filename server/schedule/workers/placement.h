@@ -5,8 +5,8 @@
 
 namespace tessera::server {
 
-/// What operators decided about workers, present or not: the pool that they belong to, and which
-/// are set aside. Pure.
+/// The decisions of operators about workers, present or not: their pools, and which of them are set
+/// aside. Pure.
 class Placement {
  public:
   using ByWorker = std::map<std::string, std::string>;

@@ -199,7 +199,7 @@ TEST_F(FarmTest, ImagesAreExportedAsPngAndJpeg) {
 
 // Assets ------------------------------------------------------------------------------------------
 
-/// Of small assets, which are rows, and of one that is a file of several chunks.
+/// Uploads small assets, which are rows, and one that is a file of several chunks.
 class FarmAssetTest : public FarmTest, public ::testing::WithParamInterface<std::size_t> {};
 INSTANTIATE_TEST_SUITE_P(Bytes, FarmAssetTest, ::testing::Values(5'000, 65'536, 65'537, 2'500'000));
 

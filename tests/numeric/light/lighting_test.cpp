@@ -140,7 +140,7 @@ TEST(Lighting, SquareFormFactorMatchesFormula) {  // hard case 58
       sum += off;
       squares += off * off;
     }
-    // Of a mean of 1,024 samples; its standard deviation is up to 1.7e-3.
+    // Each value is the mean of 1,024 samples, with a standard deviation of up to 1.7e-3.
     const double error = std::sqrt(squares / kSeeds / kSeeds);
     EXPECT_LT(std::fabs(sum / kSeeds), 4 * error + 1e-6) << height;
     EXPECT_LT(error, 4e-4) << height;

@@ -42,7 +42,7 @@ class SimulatedFarm {
   /// Runs the chaos and then, without faults, until all jobs are done. Returns the first violation,
   /// "" if there is none.
   std::string run();
-  /// What happened, so that a test can see that faults take place.
+  /// Counts of events and faults, so that a test can see that faults take place.
   struct Events {
     int commits = 0, duplicates = 0, audits = 0, restarts = 0, crashes = 0, failures = 0, lies = 0,
         redone = 0, quarantines = 0, late_ticks = 0, lost_writes = 0, removals = 0, impossible = 0,

@@ -32,7 +32,7 @@ namespace tessera::server {
 /// and the pixels of an undisturbed run.
 class SimulatedServer {
  public:
-  /// What happened, so that a test can see that faults take place.
+  /// Counts of events and faults, so that a test can see that faults take place.
   struct Events {
     int crashes = 0, power_cuts = 0, full_disks = 0, refused_writes = 0, worker_crashes = 0,
         broken_streams = 0, lost_blocks = 0, repeated_blocks = 0, lost_answers = 0, pauses = 0,
