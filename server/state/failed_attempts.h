@@ -7,8 +7,7 @@
 
 namespace tessera::server {
 
-/// Writes failed attempts as JSON for a job's row: an array of [frame, tile, pass, worker,
-/// message],
+/// Writes failed attempts as JSON for a job's row: arrays of frame, tile, pass, worker and message;
 /// "" if there are none.
 std::string write_failed_attempts(const std::vector<FailedAttempt>& attempts);
 

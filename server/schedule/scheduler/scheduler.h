@@ -109,8 +109,8 @@ class Scheduler {
   void restore_frame(Job& job, std::int32_t frame, std::optional<std::int64_t> unit_count = {});
   /// Counts a worker's share of frames that are finished.
   void restore_contribution(Job& job, const std::string& worker_id, const Contribution& done);
-  /// Stops leasing units of the job; replaces the reason of an earlier pause. Errors:
-  /// FailedPrecondition, the job has ended.
+  /// Stops leasing units of the job; replaces the reason of an earlier pause, but not failures.
+  /// Errors: FailedPrecondition, the job has ended.
   absl::Status pause(Job& job, const std::string& reason, Time now);
   /// Resumes a paused job; one that is paused because of failures like retry().
   absl::Status resume(Job& job, Time now);

@@ -189,7 +189,8 @@ absl::Status Scheduler::pause(Job& job, const std::string& reason, Time now) {
   if (has_ended(job.state)) {
     return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id, " has ended"));
   }
-  set_state(job, JobState::paused, reason, now);
+  // One that failures have paused waits for a person anyway; its reason names the failures.
+  if (!job.is_paused_by_failures()) set_state(job, JobState::paused, reason, now);
   return absl::OkStatus();
 }
 

@@ -58,6 +58,13 @@ TEST_F(FailurePause, ListsWorkersUnitsAndMessages) {
   EXPECT_TRUE(farm.scheduler.verify().ok()) << farm.scheduler.verify();
 }
 
+TEST_F(FailurePause, PauseByUserKeepsReason) {
+  const std::string reason = job.reason;
+  ASSERT_TRUE(farm.scheduler.pause(job, "paused by the user", farm.now).ok());
+  EXPECT_EQ(job.reason, reason);
+  EXPECT_TRUE(job.is_paused_by_failures());
+}
+
 TEST_F(FailurePause, UnitsInFlightStillCommit) {
   ASSERT_EQ(held.size(), 1u);
   ASSERT_EQ(job.plan->in_flight_count(), 1) << "only that of the slow worker";
