@@ -67,27 +67,33 @@ struct FourBlobs {
 
   /// The blobs of `all` at four indices.
   FourBlobs(const UnitBlob* all, const BlobIndex* indices) {
-    const auto half = [&](std::size_t lane, std::size_t from) {
-      return _mm256_load_pd(reinterpret_cast<const double*>(&all[indices[lane]]) + from);
-    };
-    BlobLanes unused;
-    transpose(half(0, 0), half(1, 0), half(2, 0), half(3, 0), centre.x, centre.y, centre.z,
-              scale.x);
-    transpose(half(0, 4), half(1, 4), half(2, 4), half(3, 4), scale.y, scale.z, strength, unused);
+    const Columns first = columns(all, indices, 0), second = columns(all, indices, 4);
+    centre = {first.a, first.b, first.c};
+    scale = {first.d, second.a, second.b};
+    strength = second.c;
   }
 
   /// A point in the spaces in which the blobs are unit spheres.
   BlobVectors local(const BlobVectors& point) const { return (point - centre) * scale; }
 
  private:
-  static void transpose(__m256d a, __m256d b, __m256d c, __m256d d, BlobLanes& x, BlobLanes& y,
-                        BlobLanes& z, BlobLanes& w) {
-    const __m256d ab_xz = _mm256_unpacklo_pd(a, b), ab_yw = _mm256_unpackhi_pd(a, b);
-    const __m256d cd_xz = _mm256_unpacklo_pd(c, d), cd_yw = _mm256_unpackhi_pd(c, d);
-    x = _mm256_permute2f128_pd(ab_xz, cd_xz, 0x20);
-    y = _mm256_permute2f128_pd(ab_yw, cd_yw, 0x20);
-    z = _mm256_permute2f128_pd(ab_xz, cd_xz, 0x31);
-    w = _mm256_permute2f128_pd(ab_yw, cd_yw, 0x31);
+  struct Columns {
+    BlobLanes a, b, c, d;
+  };
+
+  /// Four consecutive numbers of each of four blobs, from the number `from` on: a 4x4 transpose.
+  static Columns columns(const UnitBlob* all, const BlobIndex* indices, std::size_t from) {
+    const auto row = [&](std::size_t lane) {
+      return _mm256_load_pd(reinterpret_cast<const double*>(&all[indices[lane]]) + from);
+    };
+    const __m256d ac_01 = _mm256_unpacklo_pd(row(0), row(1));
+    const __m256d bd_01 = _mm256_unpackhi_pd(row(0), row(1));
+    const __m256d ac_23 = _mm256_unpacklo_pd(row(2), row(3));
+    const __m256d bd_23 = _mm256_unpackhi_pd(row(2), row(3));
+    return {.a = _mm256_permute2f128_pd(ac_01, ac_23, 0x20),
+            .b = _mm256_permute2f128_pd(bd_01, bd_23, 0x20),
+            .c = _mm256_permute2f128_pd(ac_01, ac_23, 0x31),
+            .d = _mm256_permute2f128_pd(bd_01, bd_23, 0x31)};
   }
 };
 
