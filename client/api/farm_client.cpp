@@ -65,7 +65,7 @@ class Client : public FarmClient {
         random_(std::random_device{}()) {}
 
   ~Client() override {
-    cancel();
+    Client::cancel();
     if (connecting_.joinable()) connecting_.join();
   }
   Client(const Client&) = delete;

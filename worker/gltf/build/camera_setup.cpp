@@ -150,6 +150,32 @@ absl::Status set_up_lens(const GltfCamera& source, const std::vector<Affine3d>& 
                    "] is not in front of the camera"));
 }
 
+/// Warns if the clip planes of the camera leave nothing to see. The box around the scene may be too
+/// large, so that some such cameras are not found, but a camera that sees something never is.
+void warn_of_clip_planes(const Camera& camera, const Scene& scene, const std::string& where,
+                         std::vector<Problem>& problems) {
+  if (camera.kind != Camera::Kind::perspective && camera.kind != Camera::Kind::orthographic) return;
+  const Vec3d back{camera.camera_to_world.rows[0].z, camera.camera_to_world.rows[1].z,
+                   camera.camera_to_world.rows[2].z};
+  const Vec3d half = (scene.bounds_max - scene.bounds_min) * 0.5;
+  const Vec3d middle = (scene.bounds_max + scene.bounds_min) * 0.5;
+  const double depth = dot(camera.camera_to_world.translation - middle, back);
+  const double reach =
+      std::abs(back.x) * half.x + std::abs(back.y) * half.y + std::abs(back.z) * half.z;
+  if (!(half.x >= 0) || depth + reach <= 0) return;  // no scene, or all of it is behind the camera
+  if (depth + reach < camera.znear) {
+    problems.push_back(
+        {Problem::Severity::warning, where,
+         absl::StrCat("the camera sees nothing: it clips what is nearer than znear, ", camera.znear,
+                      " m, and the scene ends at ", depth + reach, " m")});
+  } else if (depth - reach > camera.zfar) {
+    problems.push_back(
+        {Problem::Severity::warning, where,
+         absl::StrCat("the camera sees nothing: it clips what is farther than zfar, ", camera.zfar,
+                      " m, and the scene begins at ", depth - reach, " m")});
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<Camera> set_up_camera(const GltfModel& model,
@@ -181,6 +207,7 @@ absl::StatusOr<Camera> set_up_camera(const GltfModel& model,
   if (camera.name.empty()) camera.name = model.nodes[node].name;
   placed->translation = placed->translation - nodes.scene.center;
   camera.camera_to_world = *placed;
+  warn_of_clip_planes(camera, nodes.scene, where, problems);
   return camera;
 }
 

@@ -322,6 +322,37 @@ TEST(Cameras, DefaultCameraFramesTurnedScene) {
   EXPECT_NEAR(length(scene->camera.camera_to_world.translation) * sine, std::sqrt(3), 1e-6);
 }
 
+TEST(Cameras, ClippedSceneWarns) {
+  const auto warning_of = [](const char* lens, double distance) {
+    MemoryReader reader;
+    GltfBuilder b;
+    b.add_mesh(unit_quad());
+    b.add_node_with_mesh(0);
+    b.add("cameras", lens);
+    b.add_node(nlohmann::json{{"camera", 0}, {"translation", {0, 0, distance}}}.dump());
+    reader.put("scene.gltf", b.gltf());
+    const auto file = load_scene_file("scene.gltf", {}, reader);
+    EXPECT_TRUE((*file)->pose({}, 0).ok());
+    for (const Problem& problem : (*file)->problems()) {
+      if (problem.element == "cameras[0]") return problem.message;
+    }
+    return std::string();
+  };
+  constexpr const char* kPerspective =
+      R"({"type": "perspective", "perspective": {"yfov": 1, "znear": 2, "zfar": 10}})";
+  constexpr const char* kOrthographic = R"({"type": "orthographic",
+      "orthographic": {"xmag": 1, "ymag": 1, "znear": 2, "zfar": 10}})";
+  for (const char* lens : {kPerspective, kOrthographic}) {  // the mesh is at z = 0
+    EXPECT_NE(warning_of(lens, 1.75).find("nearer than znear, 2 m, and the scene ends at 1.75 m"),
+              std::string::npos);
+    EXPECT_EQ(warning_of(lens, 2), "");
+    EXPECT_EQ(warning_of(lens, 10), "");
+    EXPECT_NE(warning_of(lens, 11).find("farther than zfar, 10 m, and the scene begins at 11 m"),
+              std::string::npos);
+    EXPECT_EQ(warning_of(lens, -1), "");  // behind the camera, which an animation may turn
+  }
+}
+
 TEST(Lights, FollowNodeTransform) {
   GltfBuilder b;
   b.use_extension("KHR_lights_punctual");
