@@ -2,6 +2,7 @@
 
 #include <grpcpp/channel.h>
 
+#include <chrono>
 #include <condition_variable>
 #include <memory>
 #include <mutex>
@@ -13,8 +14,7 @@ namespace tessera::contract {
 ///
 /// gRPC looks at a connection only while some call waits on its channel, and otherwise once in 5 s.
 /// A TLS handshake has several steps, so without this a program that retries failed calls is
-/// connected again after half a minute. Unix sockets have no handshake and do not need it: its
-/// waits end by gRPC's timers, which stand still after the wall clock has jumped backwards.
+/// connected again after half a minute. Unix sockets have no handshake and do not need it.
 class ConnectionDriver {
  public:
   explicit ConnectionDriver(std::shared_ptr<grpc::Channel> channel);
@@ -24,7 +24,7 @@ class ConnectionDriver {
 
  private:
   void run();
-  bool wait_a_moment();
+  bool wait(std::chrono::milliseconds span);
 
   const std::shared_ptr<grpc::Channel> channel_;  // owners: this and the channel's stubs
   std::mutex mutex_;

@@ -7,6 +7,9 @@ round in which a fault took no effect does not count and is repeated with that f
 others. The faults of a round depend on --seed and its number alone. --evidence FILE gets a line of JSON
 per round: the faults, when and into which processes they were injected, the state of the farm then, and
 the hashes of the frames.
+
+With --tenants a round has five tenants with certificates, who submit 30 jobs of mixed sizes meanwhile, and a
+worker that joins and leaves; in every round the server is killed and the disk is full.
 """
 
 import argparse
@@ -20,20 +23,57 @@ import traceback
 import farm as farms
 from evidence import Evidence
 from kinds import KINDS
-
-FAULTS_PER_ROUND = 6
-DECK = -(-len(KINDS) // FAULTS_PER_ROUND)  # number of rounds that contain every kind once
+from tenants import TEMPLATES, TENANTS, TenantFarm
 
 
-def plan(seed, number):
-    """Returns the kinds of a round. Each deck of rounds contains every kind once."""
-    deck = sorted(KINDS)
-    random.Random(f"{seed} deck {number // DECK}").shuffle(deck)
-    return deck[number % DECK::DECK]
+class Alone:
+    """Rounds of a client with a few jobs."""
+    ALWAYS = ()  # kinds of every round
+    FULL_DISKS = ()  # kinds of which every round has one
+    FAULTS_PER_ROUND = 6
+
+    def __init__(self, seed):
+        self.seed = seed
+        self.others = sorted(set(KINDS) - {*self.ALWAYS, *self.FULL_DISKS})
+        self.full_disks = [kind for kind in self.FULL_DISKS if kind in KINDS]
+        # Number of rounds that contain every kind at least once.
+        self.deck = -(-len(self.others) // (self.FAULTS_PER_ROUND - len(self.ALWAYS) - bool(self.full_disks)))
+
+    def plan(self, number):
+        """Returns the kinds of a round. Each deck of rounds contains every kind."""
+        deck = list(self.others)
+        random.Random(f"{self.seed} deck {number // self.deck}").shuffle(deck)
+        full = [self.full_disks[number % len(self.full_disks)]] if self.full_disks else []
+        return [*self.ALWAYS, *full, *deck[number % self.deck::self.deck]]
+
+    def expected(self):
+        return farms.undisturbed()
+
+    def units(self, expected):
+        """Returns the number of units of a round."""
+        return sum(units for _, units in expected.values())
+
+    def farm(self, kinds, number):
+        return farms.Farm(kinds)
+
+
+class WithTenants(Alone):
+    ALWAYS = ("kill_server",)
+    FULL_DISKS = ("full_disk", "small_disk")
+
+    def expected(self):
+        return farms.undisturbed(TenantFarm.TEMPLATES)
+
+    def units(self, expected):
+        return len(TENANTS) * sum(expected[name][1] for name in TEMPLATES)
+
+    def farm(self, kinds, number):
+        return TenantFarm(kinds, f"{self.seed} {number}")
 
 
 class Round:
-    def __init__(self, seed, number, attempt, kinds, expected):
+    def __init__(self, game, seed, number, attempt, kinds, expected):
+        self.game = game
         self.number, self.kinds, self.expected = number, kinds, expected
         self.seed = seed if attempt == 0 else f"{seed} attempt {attempt}"
         self.evidence = Evidence(self.seed, number, kinds)
@@ -51,18 +91,21 @@ class Round:
             self.wrong.append(f"{kind}: {traceback.format_exc()}")
 
     def run(self, keep):
-        farm = farms.Farm(self.kinds)
+        farm = self.game.farm(self.kinds, self.number)
         try:
             farm.start()
             farm.submit()
-            total = sum(units for _, units in self.expected.values())
+            total = self.game.units(self.expected)
             threads = [threading.Thread(target=self.disturb, args=(farm, kind, total))
                        for kind in self.kinds]
             for thread in threads:
                 thread.start()
-            farm.finish(240)
-            for thread in threads:
-                thread.join()
+            try:
+                farm.finish(240)
+            finally:
+                farm.over = True
+                for thread in threads:
+                    thread.join()
             if not self.wrong:
                 if farm.times and farm.times[0] > 6:
                     raise farms.Wrong(f"a dead worker was noticed after {farm.times[0]} s, not 6")
@@ -75,6 +118,7 @@ class Round:
         except Exception:  # pylint: disable=broad-except
             self.wrong.append(traceback.format_exc())
         finally:
+            self.evidence.more = farm.evidence()
             if self.wrong:
                 for worker in [None, *farm.all_workers]:
                     text = worker.text() if worker else farm.log()
@@ -88,34 +132,37 @@ class Round:
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=DECK, help="default: each kind once")
+    parser.add_argument("--rounds", type=int, help="default: each kind once")
+    parser.add_argument("--tenants", action="store_true", help="rounds with five tenants and 30 jobs")
     parser.add_argument("--seed", default="1")
     parser.add_argument("--first", type=int, default=0, help="number of the first round")
     parser.add_argument("--kinds", help="these only, all in every round: comma-separated")
     parser.add_argument("--evidence", metavar="FILE", help="append a line of JSON per round")
     parser.add_argument("--keep", action="store_true", help="keep the folders of the rounds")
     given = parser.parse_args()
-    expected = farms.undisturbed()
+    game = (WithTenants if given.tenants else Alone)(given.seed)
+    given.rounds = given.rounds or game.deck
+    expected = game.expected()
     print(f"undisturbed: {', '.join(f'{name} {units} units' for name, (_, units) in expected.items())}")
     counted, tries, effects = 0, 0, collections.Counter()
     begin = time.monotonic()
     number, attempt, repeat = given.first, 0, []
     # A round that does not count is repeated with the faults that took no effect.
     while counted < given.rounds and tries < 2 * given.rounds + 4:
-        kinds = repeat or (given.kinds.split(",") if given.kinds else plan(given.seed, number))
+        kinds = repeat or (given.kinds.split(",") if given.kinds else game.plan(number))
         tries += 1
-        one = Round(given.seed, number, attempt, kinds, expected)
+        one = Round(game, given.seed, number, attempt, kinds, expected)
         good = one.run(given.keep)
         repeat = one.evidence.without_effect() if good else []
         verdict = "FAILED" if not good else "not counted" if repeat else "ok"
-        print(f"{verdict} round {number}, {one.evidence.seconds():.1f} s")
+        print(f"{verdict} round {number}, {one.evidence.seconds():.1f} s{one.evidence.summary()}")
         for kind in kinds:
             print(f"    {kind}: {one.evidence.effect(kind) or 'took no effect'}")
         if given.evidence:
             one.evidence.append_to(given.evidence, verdict)
         if not good:
             print("\n".join(one.wrong))
-            print(f"again with: tests/e2e/chaos.sh --seed {given.seed} --first {number} --rounds 1"
+            print(f"again with: tests/e2e/chaos.sh{' --tenants' if given.tenants else ''} --seed {given.seed} --first {number} --rounds 1"
                   f" --kinds {','.join(kinds)}")
             sys.exit(1)
         sys.stdout.flush()

@@ -45,11 +45,11 @@ def run(*command, check=True, timeout=120):
     return done
 
 
-def undisturbed():
+def undisturbed(jobs=None):
     """Returns pixels and number of units of each job, rendered by one undisturbed worker."""
     pixels = {}
     with tempfile.TemporaryDirectory(prefix="tessera-chaos.") as folder:
-        for name, (scene, options) in JOBS.items():
+        for name, (scene, options) in (jobs or JOBS).items():
             run("tessera", "render", SCENES / scene, "-o", f"{folder}/{name}.exr", *options,
                 "--max-depth", 5, "--report", f"{folder}/{name}.json", "--workers", 2, "--threads", 1)
             report = json.loads(pathlib.Path(f"{folder}/{name}.json").read_text())
@@ -92,6 +92,11 @@ class Worker:
 
 
 class Farm:
+    """One client with a few jobs, on a Unix socket."""
+    TEMPLATES = JOBS
+    FURTHER = "passes"  # template of further jobs, while a fault needs the round to last
+    LEAST_OPEN = 1  # number of unfinished jobs at which a further one is submitted
+
     def __init__(self, kinds):
         self.audit = "1" if "faulty_worker" in kinds else "0.01"  # finds a faulty worker before its pixels are used
         self.work = pathlib.Path(tempfile.mkdtemp(prefix="tessera-chaos."))
@@ -112,13 +117,13 @@ class Farm:
         self.workers = {}
         self.all_workers = []
         self.jobs = {}
+        self.states_by_id = {}  # as the last states() saw them
         self.started_at = 0.0  # time at which the server was started
         self.over = False
         self.is_alone = kinds == ["kill_worker"]  # no other fault: times can be measured
         self.times = None  # seconds from death to loss, and from loss until its units run again
         self.found_faulty = False  # a faulty worker was found
-        self.links = [Link(str(self.work / f"w{slot}.sock"), str(self.socket))
-                      for slot in range(WORKERS)]
+        self.links = self.make_links()
         for link in self.links:
             link.start()
         self.line = None  # created when it is first needed
@@ -126,6 +131,28 @@ class Farm:
         self.in_need = 0  # number of unfinished faults, for which the round must last
         self.more = 0  # further jobs
         self.disturbed = threading.local()  # .processes: those that this thread's fault disturbs
+
+    # Addresses, which farms with certificates override ----------------------------------------------
+
+    def make_links(self):
+        """Returns one link per worker, through which it reaches the server."""
+        return [Link(str(self.work / f"w{slot}.sock"), str(self.socket)) for slot in range(WORKERS)]
+
+    def server_options(self):
+        self.socket.unlink(missing_ok=True)
+        return ["--listen", f"unix:{self.socket}"]
+
+    def worker_options(self, slot, identity):
+        """Returns how the worker with this ID reaches the server."""
+        return ["--server", f"unix:{self.links[slot].path}"]
+
+    def call(self, command, *arguments, check=True, job=None):
+        """Runs a command of `tessera` on this farm, as the owner of the job with this name if given."""
+        return run("tessera", command, *arguments, "--server", f"unix:{self.socket}", check=check)
+
+    def template(self, name):
+        """Returns the template of the job with this name."""
+        return name.split("+")[0]
 
     # Processes ------------------------------------------------------------------------------------
 
@@ -136,13 +163,12 @@ class Farm:
 
     def start_server(self, cut_at=0):
         """Returns whether it listens; with `cut_at` the power cut may come before that."""
-        self.socket.unlink(missing_ok=True)
         environment = self.environment(self.control, FAULTS_STORE=str(self.store),
                                        FAULTS_LOG=str(self.work / "cuts.log"), FAULTS_CUT_AT=str(cut_at))
         with open(self.work / "server.log", "a") as log:
             self.server = subprocess.Popen(
-                [BIN / "tessera-server", "--listen", f"unix:{self.socket}", "--store",
-                 self.store, "--audit-fraction", self.audit], env=environment, stdout=subprocess.PIPE, stderr=log)
+                [BIN / "tessera-server", *self.server_options(), "--store", self.store,
+                 "--audit-fraction", self.audit], env=environment, stdout=subprocess.PIPE, stderr=log)
         if not select.select([self.server.stdout], [], [], 60)[0]:
             raise Wrong("after 60 s the server still does not listen")
         listens = bool(self.server.stdout.readline())
@@ -174,7 +200,7 @@ class Farm:
         log, units = self.work / f"{identity}.log", self.work / f"{identity}.units"
         with open(log, "a") as file:
             process = subprocess.Popen(
-                [BIN / "tessera-worker-faults", "--server", f"unix:{self.links[slot].path}", "--id", identity,
+                [BIN / "tessera-worker-faults", *self.worker_options(slot, identity), "--id", identity,
                  "--name", identity, "--threads", "1", "--cache", self.work / f"cache{slot}",
                  "--unit-log", units, *options],
                 env=self.environment(control), stdin=subprocess.DEVNULL, stdout=file, stderr=file)
@@ -196,9 +222,13 @@ class Farm:
             self.jobs[name] = self.submit_one(name, name).stdout.strip()
 
     def submit_one(self, template, name, check=True):
-        scene, options = JOBS[template]
-        return run("tessera", "submit", SCENES / scene, "--server", f"unix:{self.socket}", *options,
-                   "--max-depth", 5, "--name", name, check=check)
+        scene, options = self.TEMPLATES[template]
+        return self.call("submit", SCENES / scene, *options, "--max-depth", 5, "--name", name, check=check,
+                         job=name)
+
+    def submit_further(self):
+        self.more += 1  # no name is used twice, because a call without an answer may have created the job
+        self.submit_one(self.FURTHER, f"{self.FURTHER}+{self.more}", check=False)
 
     @contextlib.contextmanager
     def time_needed(self):
@@ -292,42 +322,49 @@ class Farm:
             time.sleep(0.02)
 
     def report(self, name):
-        return json.loads(run("tessera", "report", name, "--server", f"unix:{self.socket}",
-                              "--json").stdout)
+        return json.loads(self.call("report", name, "--json", job=name).stdout)
 
     def duplicated(self):
         """Returns the number of duplicated blocks of the jobs that the server knows."""
-        reports = [run("tessera", "report", name, "--server", f"unix:{self.socket}", "--json", check=False)
-                   for name in self.jobs]
+        reports = [self.call("report", name, "--json", check=False, job=name) for name in list(self.jobs)]
         return sum(json.loads(report.stdout)["units"]["duplicated"]
                    for report in reports if report.returncode == 0)
 
     def states(self):
         """Returns state and reason of each job, or None while the server does not answer."""
-        done = run("tessera", "list", "--limit", 0, "--server", f"unix:{self.socket}", "--json", check=False)
+        done = self.call("list", "--limit", 0, "--json", check=False)
         if done.returncode != 0:
             return None
+        jobs = json.loads(done.stdout)["jobs"]
+        self.states_by_id = {job["id"]: job["state"] for job in jobs}
         return {job["name"]: ("failed" if job["paused_by"] == "failures" else job["state"], job["reason"])
-                for job in json.loads(done.stdout)["jobs"]}
+                for job in jobs}
+
+    def is_submitted(self, states):
+        """Returns whether all jobs of the round have been submitted."""
+        return set(self.TEMPLATES) <= set(states)
+
+    def may_resume(self):
+        """Returns whether jobs that a full disk has paused may be resumed by their owner now."""
+        return self.has_room
 
     def finish(self, seconds):
         """Waits until all jobs are done; resumes jobs that a full disk has paused."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             states = self.states()
-            if states and set(JOBS) <= set(states):
+            if states and self.is_submitted(states):
                 if any(state in ("failed", "cancelled") for state, _ in states.values()):
                     raise Wrong(f"a job ended badly: {states}")
                 open_jobs = sum(state != "done" for state, _ in states.values())
                 if open_jobs == 0 and not self.in_need:
                     self.over = True
                     return
-                if open_jobs <= 1 and self.in_need:
-                    self.more += 1  # no name is used twice, because a call without an answer may have created the job
-                    self.submit_one("passes", f"passes+{self.more}", check=False)
+                if open_jobs <= self.LEAST_OPEN and self.in_need:
+                    self.submit_further()
                 for name, (state, reason) in states.items():
-                    if state == "paused" and "store full" in reason and self.has_room:
-                        run("tessera", "resume", name, "--server", f"unix:{self.socket}", check=False)
+                    if state == "paused" and "store full" in reason and self.may_resume():
+                        self.call("resume", name, check=False, job=name)
             time.sleep(0.2)
         raise Wrong(f"not done after {seconds} s: {self.states()}")
 
@@ -337,7 +374,7 @@ class Farm:
         """Checks that every job has the expected pixels and units. Returns the hashes by job."""
         hashes = {}
         for name in self.states():
-            pixels, units = expected[name.split("+")[0]]
+            pixels, units = expected[self.template(name)]
             report = self.report(name)
             found = [frame["pixels_sha256"] for frame in report["frames"]]
             hashes[name] = {"pixels_sha256": found, "expected_sha256": pixels}
@@ -353,6 +390,10 @@ class Farm:
         if twice:
             raise Wrong(f"acknowledged and rendered again: {twice}")
         return hashes
+
+    def evidence(self):
+        """Returns what the evidence of a round says beside its faults and frames."""
+        return {}
 
     def stop(self):
         """Stops all processes and checks that nothing is left behind."""
@@ -377,7 +418,7 @@ class Farm:
             if str(self.work) in line and line.split()[3] == "00010000":
                 raise Wrong(f"a socket is left behind: {line}")
         known = re.compile(r"disk|cuts\.log|line\.(control|sock)|server\.(log|control|sock)|cache\d"
-                           r"|w\d(-\d+)?\.(sock|log|units|control)")
+                           r"|w\d(-\d+)?\.(sock|log|units|control)|certs")
         extra = [entry.name for entry in self.work.iterdir() if not known.fullmatch(entry.name)]
         extra += [entry.name for entry in self.disk.iterdir()
                   if not re.fullmatch(r"store|store\.lost\.\d+", entry.name)]

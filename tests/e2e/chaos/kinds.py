@@ -156,15 +156,26 @@ def stop_worker(farm, rng):
         return f"{worker.id} held {held} units and was lost" if is_lost() else None
 
 
+def stop_during_a_unit(farm, worker, renderer):
+    """Stops the renderer while it renders a unit. Returns whether it could."""
+    is_rendering = lambda: farm.unfinished_by(worker)
+    while farm.wait(120, f"{worker.id} renders", is_rendering):
+        os.kill(renderer, signal.SIGSTOP)
+        time.sleep(0.2)  # a unit that was finished just before is written to the log meanwhile
+        if is_rendering():
+            return True
+        os.kill(renderer, signal.SIGCONT)
+    return False
+
+
 def hang(farm, rng):
     """A renderer is stopped during a unit; its agent kills it after --unit-timeout."""
     with a_worker(farm, slot=0) as worker:
-        if not holding(farm, worker):
+        if not worker:
             return None
         renderer = worker.renderer()
-        if renderer is None:
+        if renderer is None or not stop_during_a_unit(farm, worker, renderer):
             return None
-        os.kill(renderer, signal.SIGSTOP)
         try:
             farm.wait(60, "the agent notices", lambda: "timed out; killing the renderer" in worker.text())
         finally:

@@ -59,6 +59,7 @@ class Link(threading.Thread):
                 if ctypes.CDLL(None, use_errno=True).setns(space.fileno(), CLONE_NEWNET) != 0:
                     raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
         self.listener = socket.socket(family(self.path))
+        self.listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self.listener.bind(self.path)
         self.listener.listen(16)
         self.listener.setblocking(False)
