@@ -4,7 +4,8 @@
 #
 #   tests/bench/scale.sh [JOBS]     default: 100,000. TESSERA_BIN: directory of the programs (build/bench/bin)
 #
-# Then runs tests/bench/scaling/run.sh: real renders on a few workers, and simulated farms.
+# Then runs tests/bench/coordinator/mix.sh: latency of every RPC under a mix of tenants, jobs and sizes; and
+# tests/bench/scaling/run.sh: real renders on a few workers, and simulated farms.
 #
 # Jobs are copies of a submitted one, written to the rows of a store that no server uses. Times are those of
 # whole commands, the minimum of five, including the start of the process. Figures: docs/notes/scaling.md.
@@ -80,5 +81,7 @@ row "\`tessera-server backup\` meanwhile" "$(cat "$work/backup.log")"
 stop_server
 kill_worker one
 
+echo
+BIN=$TESSERA_BIN "$root/tests/bench/coordinator/mix.sh"
 echo
 "$root/tests/bench/scaling/run.sh"

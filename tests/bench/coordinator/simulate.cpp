@@ -11,22 +11,24 @@
 
 #include "contract/digest.h"
 #include "contract/version.h"
+#include "rpc/credentials.h"
 #include "tests/bench/coordinator/simulated_worker.h"
 
 namespace {
 
 struct Options {
-  std::string server, token, numerics = tessera::contract::kNumericsSha256, name = "sim";
+  std::string server, certs, token, numerics = tessera::contract::kNumericsSha256, name = "sim";
   int workers = 1;
   int credits = 64;
 };
 
 /// Opens a channel with a separate connection, like that of a worker on another machine.
-std::shared_ptr<grpc::Channel> own_channel(const std::string& server) {
+std::shared_ptr<grpc::Channel> own_channel(
+    const std::string& server, const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments);
+  return grpc::CreateCustomChannel(server, credentials, arguments);
 }
 
 int run(const Options& options) {
@@ -36,12 +38,21 @@ int run(const Options& options) {
     fprintf(stderr, "--numerics: 64 hexadecimal digits\n");
     return 2;
   }
+  std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
+  if (!options.certs.empty()) {
+    auto opened = tessera::contract::channel_credentials(options.certs);
+    if (!opened.ok()) {
+      fprintf(stderr, "%s\n", std::string(opened.status().message()).c_str());
+      return 2;
+    }
+    credentials = *std::move(opened);
+  }
   tessera::bench::Counters counters;
-  tessera::bench::FilmShelf shelf(own_channel(options.server), options.token);
+  tessera::bench::FilmShelf shelf(own_channel(options.server, credentials), options.token);
   std::vector<std::unique_ptr<SimulatedWorker>> workers;
   for (int i = 0; i < options.workers; ++i) {
     workers.push_back(std::make_unique<SimulatedWorker>(
-        own_channel(options.server),
+        own_channel(options.server, credentials),
         tessera::bench::SimulatedWorkerOptions{.id = options.name + "-" + std::to_string(i),
                                                .token = options.token,
                                                .numerics = numerics->binary(),
@@ -65,14 +76,15 @@ int run(const Options& options) {
       "{\"workers\": %d, \"welcomed\": %lld, \"closed\": %lld, \"committed\": %lld, "
       "\"duplicate\": %lld, \"obsolete\": %lld, \"rejected\": %lld, \"bytes\": %lld, "
       "\"first_lease_us\": %lld, \"last_commit_us\": %lld, \"lease_p50_ms\": %.2f, "
-      "\"lease_p99_ms\": %.2f}\n",
+      "\"lease_p99_ms\": %.2f, \"commit_p50_ms\": %.2f, \"commit_p99_ms\": %.2f}\n",
       options.workers, static_cast<long long>(counters.welcomed),
       static_cast<long long>(counters.closed), static_cast<long long>(counters.committed),
       static_cast<long long>(counters.duplicate), static_cast<long long>(counters.obsolete),
       static_cast<long long>(counters.rejected), static_cast<long long>(counters.committed_bytes),
       static_cast<long long>(counters.first_lease_us),
       static_cast<long long>(counters.last_commit_us), counters.lease.quantile_ms(0.5),
-      counters.lease.quantile_ms(0.99));
+      counters.lease.quantile_ms(0.99), counters.commit.quantile_ms(0.5),
+      counters.commit.quantile_ms(0.99));
   fflush(stdout);
   _exit(0);  // streams are still open: a worker's crash is part of the protocol
 }
@@ -83,7 +95,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench
   Options options;
   CLI::App app("Simulated workers for tests/bench/coordinator.");
   app.add_option("--server", options.server, "unix:PATH or HOST:PORT")->required();
-  app.add_option("--token", options.token, "the server's token");
+  app.add_option("--certs", options.certs, "directory of a worker's certificate");
+  app.add_option("--token", options.token, "the server's token; with --certs, a join token");
   app.add_option("--numerics", options.numerics, "numerics hash to show")->capture_default_str();
   app.add_option("--name", options.name, "start of the workers' ids");
   app.add_option("--workers", options.workers, "how many");

@@ -34,6 +34,11 @@ double Latencies::quantile_ms(double share) {
 FilmShelf::FilmShelf(const std::shared_ptr<grpc::Channel>& channel, std::string token)
     : stub_(v1::WorkerService::NewStub(channel)), token_(std::move(token)) {}
 
+void FilmShelf::set_token(const std::string& token) {
+  const std::lock_guard lock(mutex_);
+  token_ = token;
+}
+
 const SimulatedFilm* FilmShelf::film(const std::string& job_id) {
   const std::lock_guard lock(mutex_);
   if (const auto found = films_.find(job_id); found != films_.end()) return found->second.get();
@@ -181,7 +186,9 @@ void SimulatedWorker::send_heartbeat() {
 
 void SimulatedWorker::on_event(const v1::WorkResponse& event) {
   if (event.has_welcome()) {
-    deliver_->open(*stub_, options_.token, options_.id);
+    const std::string& key = event.welcome().session_key();
+    if (!key.empty()) shelf_.set_token(key);
+    deliver_->open(*stub_, key.empty() ? options_.token : key, options_.id);
     ++counters_.welcomed;
   } else if (event.has_leases()) {
     std::int64_t unset = 0;
@@ -231,6 +238,12 @@ void SimulatedWorker::on_acknowledgements(const v1::AcknowledgementBatch& batch)
   message.mutable_credits()->set_unit_count(batch.acknowledgements_size());
   {
     const std::lock_guard lock(mutex_);
+    for (const v1::Acknowledgement& item : batch.acknowledgements()) {
+      const auto sent = sent_us_.find(item.unit().SerializeAsString());
+      if (sent == sent_us_.end()) continue;
+      counters_.commit.add(now_us() - sent->second);
+      sent_us_.erase(sent);
+    }
     outstanding_ -= batch.acknowledgements_size();
     if (granted_us_ == 0 && outstanding_ > 0) granted_us_ = now_us();
   }
@@ -262,6 +275,12 @@ bool SimulatedWorker::next_delivery(v1::DeliverRequest& message) {
     header.set_wire_size_bytes(static_cast<std::int64_t>(block.size()));
     header.set_sha256(contract::sha256(block).binary());
     header.set_cpu_seconds(0.001);
+    v1::UnitId id;
+    id.set_job_id(unit.lease.job_id());
+    id.set_frame(unit.lease.frame());
+    id.set_pass(unit.lease.pass());
+    id.set_tile(unit.tile);
+    sent_us_[id.SerializeAsString()] = now_us();
     pending_.pop_front();
     sent += block.size();
     if (block.size() > kChunkBytes) {

@@ -39,12 +39,16 @@ struct Counters {
   /// From granting credits to the next leases, for workers that still have units: others may wait
   /// for a job.
   Latencies lease;
+  /// From sending a block to its acknowledgement.
+  Latencies commit;
 };
 
 /// Films by job ID, created when a job is first seen.
 class FilmShelf {
  public:
   FilmShelf(const std::shared_ptr<grpc::Channel>& channel, std::string token);
+  /// Uses the key of a worker's session instead of the token.
+  void set_token(const std::string& token);
   /// Null if the server does not know the job.
   const SimulatedFilm* film(const std::string& job_id);
 
@@ -92,9 +96,10 @@ class SimulatedWorker {
 
   std::mutex mutex_;
   std::deque<PendingUnit> pending_;
-  std::int64_t outstanding_ = 0;  // leased units without acknowledgement
-  std::int64_t granted_us_ = 0;   // when credits were granted; 0: leases have come since
-  std::string open_block_;        // too long for one message; sent up to open_offset_
+  std::int64_t outstanding_ = 0;                 // leased units without acknowledgement
+  std::map<std::string, std::int64_t> sent_us_;  // by unit: when its block was sent
+  std::int64_t granted_us_ = 0;  // when credits were granted; 0: leases have come since
+  std::string open_block_;       // too long for one message; sent up to open_offset_
   std::size_t open_offset_ = 0;
   std::unique_ptr<WorkStream> work_;
   std::unique_ptr<DeliverStream> deliver_;

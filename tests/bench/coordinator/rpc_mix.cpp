@@ -1,0 +1,316 @@
+/// bench_rpc_mix: tenants with certificates call every RPC of clients at a fixed rate, with jobs of
+/// mixed sizes. Prints the latencies of each RPC as one line of JSON.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/api/farm_client.h"
+#include "contract/digest.h"
+#include "rpc/protocol_version.h"
+#include "rpc/settings_message.h"
+
+namespace {
+
+namespace v1 = tessera::v1;
+using tessera::client::FarmClient;
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+  std::string server, certs, scratch;
+  int tenants = 5, queued = 0;
+  double rate = 100, seconds = 20;
+};
+
+/// Latencies by name of the RPC, and how many calls failed. Thread-safe.
+class Figures {
+ public:
+  void add(const std::string& rpc, double seconds, bool is_ok) {
+    const std::lock_guard lock(mutex_);
+    Calls& calls = calls_[rpc];
+    calls.seconds.push_back(seconds);
+    calls.failed += is_ok ? 0 : 1;
+  }
+  void print() {
+    printf("{");
+    const char* separator = "";
+    for (auto& [rpc, calls] : calls_) {
+      std::sort(calls.seconds.begin(), calls.seconds.end());
+      const auto at = [&values = calls.seconds](double share) {
+        const auto index = static_cast<std::size_t>(share * static_cast<double>(values.size()));
+        return 1e3 * values[std::min(index, values.size() - 1)];
+      };
+      printf("%s\"%s\": {\"calls\": %zu, \"failed\": %d, \"p50_ms\": %.2f, \"p99_ms\": %.2f}",
+             separator, rpc.c_str(), calls.seconds.size(), calls.failed, at(0.5), at(0.99));
+      separator = ", ";
+    }
+    printf("}\n");
+  }
+
+ private:
+  struct Calls {
+    std::vector<double> seconds;
+    int failed = 0;
+  };
+  std::mutex mutex_;
+  std::map<std::string, Calls> calls_;
+};
+
+/// A client and its jobs. One thread.
+class Tenant {
+ public:
+  Tenant(const Options& options, int number, FarmClient& client, Figures& figures)
+      : options_(options),
+        client_(client),
+        figures_(figures),
+        random_(static_cast<unsigned>(number)),
+        name_("t" + std::to_string(number)),
+        path_(options.scratch + "/scene-" + name_ + ".gltf") {}
+
+  /// Uploads a scene of its own.
+  bool prepare() { return upload_scene(); }
+
+  /// Creates a job that no worker serves.
+  bool queue() {
+    auto request = job_request(1);
+    request.set_required_tag("nobody");
+    return client_.create_job(request).ok();
+  }
+
+  /// Calls an RPC; common ones more often.
+  void call() {
+    using Call = std::pair<double, std::function<void(Tenant&)>>;
+    static const std::vector<Call> kCalls = {
+        {25, &Tenant::create},      {25, &Tenant::get},       {10, &Tenant::list},
+        {6, &Tenant::upload},       {6, &Tenant::fetch},      {5, &Tenant::report},
+        {4, &Tenant::pause_resume}, {4, &Tenant::update},     {3, &Tenant::cancel_retry},
+        {4, &Tenant::remove},       {3, &Tenant::deliveries}, {3, &Tenant::events},
+        {2, &Tenant::usage}};
+    static const std::vector<double> kWeights = [] {
+      std::vector<double> weights;
+      for (const Call& one : kCalls) weights.push_back(one.first);
+      return weights;
+    }();
+    std::discrete_distribution<std::size_t> choose(kWeights.begin(), kWeights.end());
+    kCalls[choose(random_)].second(*this);
+  }
+
+ private:
+  /// Measures `call`, which returns a status or a value with one. Returns whether it succeeded.
+  template <typename Call>
+  bool timed(const char* rpc, const Call& call) {
+    const auto start = Clock::now();
+    const auto result = call();
+    const bool is_ok = result.ok();
+    figures_.add(rpc, std::chrono::duration<double>(Clock::now() - start).count(), is_ok);
+    return is_ok;
+  }
+
+  v1::CreateJobRequest job_request(int tiles_across) {
+    tessera::contract::RenderSettings settings;
+    settings.width = settings.height = 8 * tiles_across;
+    settings.tile = 8;
+    settings.spp = 4;
+    v1::CreateJobRequest request;
+    request.set_protocol_version(tessera::contract::kProtocolVersion);
+    request.set_request_id(name_ + "-" + std::to_string(getpid()) + "-" + std::to_string(++count_));
+    request.set_name("mixed");
+    *request.mutable_settings() = tessera::contract::to_message(settings);
+    request.mutable_manifest()->set_scene_uri("bench.gltf");
+    v1::ManifestEntry& entry = *request.mutable_manifest()->add_assets();
+    entry.set_uri("bench.gltf");
+    *entry.mutable_asset() = scene_;
+    return request;
+  }
+
+  bool upload_scene() {
+    const std::string text = "{\"asset\": {\"version\": \"2.0\"}, \"extras\": \"" + path_ +
+                             std::to_string(++count_) + "\"}";
+    std::ofstream(path_) << text;
+    scene_.set_sha256(tessera::contract::sha256(text).binary());
+    scene_.set_size_bytes(static_cast<std::int64_t>(text.size()));
+    timed("FindMissingAssets", [&] { return client_.find_missing_assets({scene_}); });
+    return timed("UploadAsset", [&] { return client_.upload_asset(scene_, path_); });
+  }
+  void upload() { upload_scene(); }
+
+  /// Half of the jobs have 1 unit, a quarter 4, an eighth 16, an eighth 64.
+  void create() {
+    static constexpr int kSizes[] = {1, 1, 1, 1, 2, 2, 4, 8};
+    const auto request = job_request(kSizes[random_() % std::size(kSizes)]);
+    timed("CreateJob", [&] {
+      auto made = client_.create_job(request);
+      if (made.ok()) jobs_.push_back(made->job().id());
+      return made;
+    });
+  }
+
+  std::string some_job() { return jobs_.empty() ? "" : jobs_[random_() % jobs_.size()]; }
+  /// An older one, which is probably done.
+  std::string old_job() { return jobs_.size() < 8 ? "" : jobs_[random_() % (jobs_.size() / 2)]; }
+
+  void get() {
+    if (const auto job = some_job(); !job.empty()) {
+      timed("GetJob", [&] { return client_.get_job(job); });
+    }
+  }
+  void list() {
+    v1::ListJobsRequest request;
+    request.set_page_size(100);
+    timed("ListJobs", [&] { return client_.list_jobs(request); });
+  }
+  void fetch() {
+    const std::string job = old_job();
+    if (job.empty()) return;
+    v1::FetchFrameRequest request;
+    request.set_job_id(job);
+    request.set_allow_partial(true);
+    const FarmClient::FrameSink sink{[](const v1::FrameHeader&) { return absl::OkStatus(); },
+                                     [](std::string_view) { return absl::OkStatus(); }};
+    timed("FetchFrame", [&] { return client_.fetch_frame(request, sink); });
+  }
+  void report() {
+    if (const auto job = old_job(); !job.empty()) {
+      timed("GetJobReport", [&] { return client_.get_report(job); });
+    }
+  }
+  void deliveries() {
+    if (const auto job = old_job(); !job.empty()) {
+      timed("ListDeliveries", [&] { return client_.list_deliveries(job); });
+    }
+  }
+  void events() {
+    v1::WatchEventsRequest request;
+    request.set_after_sequence(last_event_);
+    timed("WatchEvents", [&] {
+      return client_.watch_events(request, [&](const v1::Event& event) {
+        last_event_ = event.sequence();
+        return true;
+      });
+    });
+  }
+  void usage() {
+    timed("ListUsage", [&] { return client_.list_usage({}); });
+  }
+  /// These three are called for jobs that were just created, and so are probably not done.
+  void pause_resume() {
+    const std::string job = fresh_job();
+    if (job.empty()) return;
+    if (!timed("PauseJob", [&] { return client_.pause_job(job); })) return;
+    timed("ResumeJob", [&] { return client_.resume_job(job); });
+  }
+  void update() {
+    v1::UpdateJobRequest request;
+    request.set_job_id(fresh_job());
+    request.set_priority(static_cast<std::int32_t>(random_() % 5));
+    if (!request.job_id().empty()) {
+      timed("UpdateJob", [&] { return client_.update_job(request); });
+    }
+  }
+  void cancel_retry() {
+    const std::string job = fresh_job();
+    if (job.empty()) return;
+    if (!timed("CancelJob", [&] { return client_.cancel_job(job); })) return;
+    timed("RetryJob", [&] { return client_.retry_job(job); });
+  }
+  std::string fresh_job() {
+    create();
+    return jobs_.empty() ? "" : jobs_.back();
+  }
+  void remove() {
+    if (jobs_.size() < 16) return;
+    const std::string job = jobs_.front();
+    if (timed("RemoveJob", [&] { return client_.remove_job(job); })) {
+      jobs_.erase(jobs_.begin());
+    }
+  }
+
+  const Options& options_;
+  FarmClient& client_;
+  Figures& figures_;
+  std::mt19937 random_;
+  const std::string name_, path_;
+  v1::AssetId scene_;
+  std::vector<std::string> jobs_;
+  std::int64_t last_event_ = 0;
+  int count_ = 0;
+};
+
+int run(const Options& options) {
+  Figures figures, ignored;
+  std::vector<std::unique_ptr<FarmClient>> clients;
+  std::vector<std::thread> threads;
+  std::mutex failed_mutex;
+  bool failed = false;
+  for (int i = 0; i < options.tenants; ++i) {
+    tessera::client::Connection connection;
+    connection.server = options.server;
+    connection.certs = options.certs + "/client-t" + std::to_string(i);
+    auto client = FarmClient::connect(connection);
+    if (!client.ok()) {
+      fprintf(stderr, "%s\n", std::string(client.status().message()).c_str());
+      return 2;
+    }
+    clients.push_back(*std::move(client));
+  }
+  const auto for_all = [&](const std::function<bool(int)>& work) {
+    for (int i = 0; i < options.tenants; ++i) {
+      threads.emplace_back([&, i] {
+        if (work(i)) return;
+        const std::lock_guard lock(failed_mutex);
+        failed = true;
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+    threads.clear();
+  };
+  for_all([&](int i) {
+    Tenant tenant(options, i + 1000, *clients[static_cast<std::size_t>(i)], ignored);
+    bool is_ok = tenant.prepare();
+    for (int k = i; is_ok && k < options.queued; k += options.tenants) is_ok = tenant.queue();
+    return is_ok;
+  });
+  if (failed) return 1;
+  const auto start = Clock::now();
+  for_all([&](int i) {
+    Tenant tenant(options, i, *clients[static_cast<std::size_t>(i)], figures);
+    if (!tenant.prepare()) return false;
+    const std::chrono::duration<double> period(options.tenants / options.rate);
+    for (int k = 0; k * period.count() < options.seconds; ++k) {
+      std::this_thread::sleep_until(
+          start + std::chrono::duration_cast<Clock::duration>(period * (k + i / 7.0)));
+      tenant.call();
+    }
+    return true;
+  });
+  figures.print();
+  return failed ? 1 : 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench may die of one
+  Options options;
+  CLI::App app("A mix of calls of several tenants for tests/bench/scale.sh.");
+  app.add_option("--server", options.server, "HOST:PORT")->required();
+  app.add_option("--certs", options.certs, "directory with client-t0, client-t1, …")->required();
+  app.add_option("--scratch", options.scratch, "directory for scenes")->required();
+  app.add_option("--tenants", options.tenants, "clients")->capture_default_str();
+  app.add_option("--queued", options.queued, "jobs created before, which no worker serves");
+  app.add_option("--rate", options.rate, "steps a second of all tenants together: one or two calls")
+      ->capture_default_str();
+  app.add_option("--seconds", options.seconds, "duration")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  return run(options);
+}
