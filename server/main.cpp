@@ -103,7 +103,7 @@ absl::Status forget_old_joins(Store& store, const std::string& folder) {
   for (const JoinToken& token : *tokens) {
     if (token.expires_s > now_us / 1'000'000) valid.push_back(token.id);
   }
-  return store.remove_stale_joins(valid, now_us - kForgetJoinsDays * kDayUs);
+  return store.workers().remove_stale_joins(valid, now_us - kForgetJoinsDays * kDayUs);
 }
 
 int serve(const Config& config, const sigset_t& signals) {

@@ -228,7 +228,8 @@ absl::Status CommitPipeline::write_job(const JobRecord& record) {
 
 CommitPipeline::Task CommitPipeline::roster_task(const std::string& worker_id, bool joined) {
   const auto write = [this, worker_id, joined] {
-    return joined ? store_.add_worker(worker_id, worker_id) : store_.remove_worker(worker_id);
+    return joined ? store_.workers().add_worker(worker_id, worker_id)
+                  : store_.workers().remove_worker(worker_id);
   };
   const auto done = [this, worker_id](const absl::Status& status) {
     if (status.ok()) return;

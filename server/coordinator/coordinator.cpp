@@ -35,7 +35,7 @@ Coordinator::Coordinator(Store& store, FarmOptions options, const std::vector<st
 }
 
 absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::open(Store& store, FarmOptions options) {
-  const auto roster = store.roster();
+  const auto roster = store.workers().roster();
   if (!roster.ok()) return roster.status();
   std::unique_ptr<Coordinator> opened(new Coordinator(store, std::move(options), *roster));
   auto events = store.events().newest(EventLog::kMaxEvents);

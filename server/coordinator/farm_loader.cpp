@@ -62,7 +62,7 @@ absl::StatusOr<bool> has_started(const Store& store, const std::string& job_id) 
 }  // namespace
 
 absl::Status FarmLoader::load() {
-  const auto banned = parts_.store.banned_workers();
+  const auto banned = parts_.store.workers().banned_workers();
   if (!banned.ok()) return banned.status();
   const auto records = parts_.store.jobs();
   if (!records.ok()) return records.status();

@@ -53,7 +53,7 @@ void AuditOutcomes::quarantine(FarmChange& change, const std::string& worker_id)
   pipeline_.post_write(
       [this, names = change.scheduler().names_to_ban(worker_id)] {
         absl::Status status;
-        for (const std::string& name : names) status.Update(store_.ban_worker(name));
+        for (const std::string& name : names) status.Update(store_.workers().ban_worker(name));
         return status;
       },
       [this](const absl::Status& status) { log_failure("quarantine", status); });

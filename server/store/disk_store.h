@@ -16,6 +16,7 @@
 #include "server/store/sqlite/journal.h"
 #include "server/store/store.h"
 #include "server/store/usage_rows.h"
+#include "server/store/worker_rows.h"
 
 namespace tessera::server {
 
@@ -76,16 +77,8 @@ class DiskStore final : public Store {
   AssetStore& assets() override { return *assets_; }
   const AssetStore& assets() const override { return *assets_; }
 
-  absl::Status add_worker(const std::string& worker_id, const std::string& name) override;
-  absl::Status remove_worker(const std::string& worker_id) override;
-  absl::StatusOr<std::vector<std::string>> roster() const override;
-  absl::Status ban_worker(const std::string& worker_id) override;
-  absl::Status allow_worker(const std::string& worker_id) override;
-  absl::StatusOr<std::vector<std::string>> banned_workers() const override;
-  absl::Status record_join(const Join& join, std::int64_t max_joins) override;
-  absl::Status remove_stale_joins(const std::vector<std::string>& valid,
-                                  std::int64_t unseen_since_us) override;
-
+  WorkerStore& workers() override { return *workers_; }
+  const WorkerStore& workers() const override { return *workers_; }
   EventStore& events() override { return *events_; }
   const EventStore& events() const override { return *events_; }
   const UsageStore& usage() const override { return *usage_; }
@@ -136,7 +129,6 @@ class DiskStore final : public Store {
                                           const FrameRecord& frame) const;
   absl::StatusOr<std::int64_t> sync_output(const std::string& job_id, const std::string& path);
   absl::Status write_frame(std::int64_t job, const FrameRecord& frame, const Image& image);
-  absl::StatusOr<std::vector<std::string>> read_ids(std::string_view sql) const;
   absl::StatusOr<std::int64_t> sum_bytes(std::string_view sql, std::int64_t job) const;
 
   StoreOptions options_;
@@ -150,6 +142,7 @@ class DiskStore final : public Store {
   std::unique_ptr<EventRows> events_;
   std::unique_ptr<UsageRows> usage_;
   std::unique_ptr<DiskAssets> assets_;
+  std::unique_ptr<WorkerRows> workers_;
   std::string id_, key_;
   std::int64_t boot_count_ = 0;
   std::atomic<std::int64_t> content_bytes_ = 0;  // segments and finished frames

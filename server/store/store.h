@@ -16,6 +16,7 @@
 #include "server/store/event_store.h"
 #include "server/store/files/filesystem.h"
 #include "server/store/usage_store.h"
+#include "server/store/worker_store.h"
 
 namespace tessera::server {
 
@@ -64,13 +65,6 @@ struct FrameRecord {
   std::string file;  // name within the job's output directory
   contract::Digest file_sha256, pixels_sha256;
   std::string statistics_json;  // a FrameSummary
-};
-
-/// The fact that a worker joined with a token.
-struct Join {
-  std::string worker_id;
-  std::string token_id;
-  std::string certificate;  // name in the worker's certificate
 };
 
 /// Which settings of the farm; the numbers are stored.
@@ -229,25 +223,8 @@ class Store {
   virtual AssetStore& assets() = 0;
   virtual const AssetStore& assets() const = 0;
 
-  // Workers: roster, bans, joins.
-  virtual absl::Status add_worker(const std::string& worker_id, const std::string& name) = 0;
-  virtual absl::Status remove_worker(const std::string& worker_id) = 0;
-  virtual absl::StatusOr<std::vector<std::string>> roster() const = 0;
-  /// Bans and lifts bans; durable on return. Idempotent.
-  virtual absl::Status ban_worker(const std::string& worker_id) = 0;
-  virtual absl::Status allow_worker(const std::string& worker_id) = 0;
-  virtual absl::StatusOr<std::vector<std::string>> banned_workers() const = 0;
-
-  /// Records that a worker joined with a token, once per worker and token; durable on return.
-  ///
-  /// Errors: PermissionDenied, `max_joins` other workers have joined with the token (0: unlimited),
-  /// or a worker with this ID joined with another certificate.
-  virtual absl::Status record_join(const Join& join, std::int64_t max_joins) = 0;
-  /// Removes joins of workers that are not in the roster and have not connected since
-  /// `unseen_since_us`, except joins with a token in `valid`, which count towards its limit.
-  virtual absl::Status remove_stale_joins(const std::vector<std::string>& valid,
-                                          std::int64_t unseen_since_us) = 0;
-
+  virtual WorkerStore& workers() = 0;
+  virtual const WorkerStore& workers() const = 0;
   virtual EventStore& events() = 0;
   virtual const EventStore& events() const = 0;
   virtual const UsageStore& usage() const = 0;

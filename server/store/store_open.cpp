@@ -138,6 +138,7 @@ absl::Status DiskStore::start() {
   // This commit also makes durable what a killed process committed but did not sync.
   events_ = std::make_unique<EventRows>(*journal_, options_.max_events);
   usage_ = std::make_unique<UsageRows>(*journal_);
+  workers_ = std::make_unique<WorkerRows>(*journal_, options_.now_us);
   if (absl::Status opened = events_->open(); !opened.ok()) return opened;
   const absl::Status counted = journal_->write([&](Database& rows) {
     return rows.run(

@@ -216,7 +216,7 @@ absl::Status WorkerRegistry::ban_now(const std::string& worker_id) {
   }
   const auto write = [&] {
     absl::Status status;
-    for (const std::string& name : names) status.Update(store_.ban_worker(name));
+    for (const std::string& name : names) status.Update(store_.workers().ban_worker(name));
     return status;
   };
   const absl::Status written =
@@ -241,7 +241,7 @@ absl::Status WorkerRegistry::allow_now(const std::string& worker_id) {
     names = view.scheduler().names_to_ban(worker_id);
   }
   for (const std::string& name : names) {
-    if (absl::Status status = store_.allow_worker(name); !status.ok()) return status;
+    if (absl::Status status = store_.workers().allow_worker(name); !status.ok()) return status;
   }
   FarmChange change(farm_);
   if (!change.scheduler().allow(worker_id, change.now())) return no_such_worker(worker_id);
@@ -252,7 +252,7 @@ absl::Status WorkerRegistry::allow_now(const std::string& worker_id) {
 void WorkerRegistry::record_join(Join join, std::int64_t max_joins,
                                  std::function<void(absl::Status)> done) {
   pipeline_.post([this, join = std::move(join), max_joins, done = std::move(done)] {
-    done(store_.record_join(join, max_joins));
+    done(store_.workers().record_join(join, max_joins));
   });
 }
 

@@ -17,7 +17,7 @@ namespace tessera::server {
 
 /// A store in memory with injected failures: rows and blocks outlive the coordinator that wrote
 /// them; images are files in `folder`.
-class MemoryStore final : public Store {
+class MemoryStore final : public Store, public WorkerStore {
  public:
   explicit MemoryStore(const std::string& folder) : folder_(folder), assets_(folder) {}
 
@@ -246,6 +246,9 @@ class MemoryStore final : public Store {
 
   MemoryAssets& assets() override { return assets_; }
   const MemoryAssets& assets() const override { return assets_; }
+
+  MemoryStore& workers() override { return *this; }
+  const MemoryStore& workers() const override { return *this; }
 
   absl::Status add_worker(const std::string& worker_id, const std::string&) override {
     const std::lock_guard lock(mutex_);

@@ -302,7 +302,7 @@ TEST_F(Events, BanSurvivesRestartUntilLifted) {
   EXPECT_FALSE(worker.units.empty());
   EXPECT_TRUE(absl::IsNotFound(allow("nobody")));
   start();
-  EXPECT_TRUE(store.banned_workers()->empty());
+  EXPECT_TRUE(store.workers().banned_workers()->empty());
 }
 
 // Durable events ----------------------------------------------------------------------------------

@@ -179,8 +179,8 @@ TEST_F(DamageTest, StoreOfFirstSchemaIsWritable) {
   change_rows(sql_to_older_schema(1));
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
-  EXPECT_TRUE((*store)->record_join({"worker", "token", "certificate"}, 1).ok());
-  EXPECT_TRUE((*store)->ban_worker("worker").ok());
+  EXPECT_TRUE((*store)->workers().record_join({"worker", "token", "certificate"}, 1).ok());
+  EXPECT_TRUE((*store)->workers().ban_worker("worker").ok());
   EXPECT_EQ((*store)->jobs()->front().render_contract, 10) << "the last unrecorded one";
 }
 
@@ -387,7 +387,7 @@ TEST_F(DamageTest, FailedSqliteSyncEndsProcess) {
   const auto store = open(disk);
   ASSERT_TRUE(store.ok()) << store.status();
   disk.fail_sqlite_syncs("store.db-wal");
-  EXPECT_TRUE(absl::IsDataLoss((*store)->add_worker("w", "w")));
+  EXPECT_TRUE(absl::IsDataLoss((*store)->workers().add_worker("w", "w")));
   EXPECT_EQ(deaths_.size(), 1U);
 }
 
@@ -398,7 +398,7 @@ TEST_F(DamageTest, FailedCheckpointSyncEndsProcess) {
   const auto store = open(disk);
   ASSERT_TRUE(store.ok()) << store.status();
   disk.fail_sqlite_syncs("store.db");
-  EXPECT_TRUE(absl::IsDataLoss((*store)->add_worker("w", "w")));
+  EXPECT_TRUE(absl::IsDataLoss((*store)->workers().add_worker("w", "w")));
   EXPECT_EQ(deaths_.size(), 1U);
 }
 
@@ -409,7 +409,7 @@ TEST(DamageDeathTest, FailedSyncExitsWithMessage) {
     FailingDisk disk;
     auto store = Store::open(folder.path() + "/store", disk);
     disk.fail_sqlite_syncs("store.db-wal");
-    if (store.ok()) (*store)->add_worker("w", "w").IgnoreError();
+    if (store.ok()) (*store)->workers().add_worker("w", "w").IgnoreError();
     std::exit(0);
   };
   EXPECT_EXIT(die(), ::testing::ExitedWithCode(1), "fsync failed; exiting");

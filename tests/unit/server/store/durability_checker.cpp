@@ -181,7 +181,7 @@ DurabilityChecker::Test counts_units(const std::string& job_id, std::int64_t uni
 
 DurabilityChecker::Test worker_has_joined(const std::string& worker_id) {
   return [worker_id](Store& store) -> std::string {
-    const absl::Status status = store.record_join({worker_id, "token", "thief"}, 0);
+    const absl::Status status = store.workers().record_join({worker_id, "token", "thief"}, 0);
     return absl::IsPermissionDenied(status) ? "" : "is forgotten: " + status.ToString();
   };
 }
@@ -214,7 +214,7 @@ DurabilityChecker::Test has_asset(std::string bytes) {
 
 DurabilityChecker::Test worker_is_known(const std::string& worker_id) {
   return [worker_id](Store& store) -> std::string {
-    const auto roster = store.roster();
+    const auto roster = store.workers().roster();
     if (!roster.ok()) return roster.status().ToString();
     return std::count(roster->begin(), roster->end(), worker_id) == 1 ? "" : "is forgotten";
   };
@@ -290,7 +290,7 @@ std::vector<std::string> facts(Store& store) {
       lines.push_back("event " + std::to_string(event.sequence) + " " + event.text);
     }
   }
-  const auto roster = store.roster();
+  const auto roster = store.workers().roster();
   if (roster.ok()) lines.insert(lines.end(), roster->begin(), roster->end());
   return lines;
 }

@@ -144,13 +144,13 @@ class Coordinator {
   }
 
   void join(const std::string& worker) {
-    ASSERT_TRUE(store_->record_join({worker, "token", "rack"}, 0).ok());
+    ASSERT_TRUE(store_->workers().record_join({worker, "token", "rack"}, 0).ok());
     confirmations_.make("join " + worker, step(), worker_has_joined(worker));
   }
 
   void remove_stale_joins() {
     confirmations_.end_all("join ", step());
-    ASSERT_TRUE(store_->remove_stale_joins({}, 2 * kHourUs).ok());
+    ASSERT_TRUE(store_->workers().remove_stale_joins({}, 2 * kHourUs).ok());
   }
 
   void upload(const std::string& bytes) {
@@ -180,13 +180,13 @@ class Coordinator {
   }
 
   void add_worker(const std::string& id) {
-    ASSERT_TRUE(store_->add_worker(id, "name").ok());
+    ASSERT_TRUE(store_->workers().add_worker(id, "name").ok());
     confirmations_.make("worker " + id, step(), worker_is_known(id));
   }
 
   void remove_worker(const std::string& id) {
     confirmations_.end("worker " + id, step());
-    ASSERT_TRUE(store_->remove_worker(id).ok());
+    ASSERT_TRUE(store_->workers().remove_worker(id).ok());
   }
 
  private:

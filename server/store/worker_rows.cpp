@@ -1,9 +1,9 @@
-// Workers in the store: roster, bans, and joins with tokens.
+#include "server/store/worker_rows.h"
+
 #include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "server/store/disk_store.h"
 
 namespace tessera::server {
 namespace {
@@ -14,54 +14,54 @@ absl::Status note_seen(Database& rows, const std::string& worker_id, std::int64_
 
 }  // namespace
 
-absl::Status DiskStore::add_worker(const std::string& worker_id, const std::string& name) {
-  const std::int64_t now = options_.now_us();
-  return journal_->write([&](Database& rows) {
+absl::Status WorkerRows::add_worker(const std::string& worker_id, const std::string& name) {
+  const std::int64_t now = now_us_();
+  return journal_.write([&](Database& rows) {
     absl::Status seen = note_seen(rows, worker_id, now);
     if (!seen.ok()) return seen;
     return rows.run("INSERT OR REPLACE INTO workers(id, name) VALUES(?, ?)", {worker_id, name});
   });
 }
 
-absl::Status DiskStore::remove_worker(const std::string& worker_id) {
-  const std::int64_t now = options_.now_us();
-  return journal_->write([&](Database& rows) {
+absl::Status WorkerRows::remove_worker(const std::string& worker_id) {
+  const std::int64_t now = now_us_();
+  return journal_.write([&](Database& rows) {
     absl::Status seen = note_seen(rows, worker_id, now);
     return seen.ok() ? rows.run("DELETE FROM workers WHERE id=?", {worker_id}) : seen;
   });
 }
 
-absl::StatusOr<std::vector<std::string>> DiskStore::roster() const {
+absl::StatusOr<std::vector<std::string>> WorkerRows::roster() const {
   return read_ids("SELECT id FROM workers ORDER BY id");
 }
 
-absl::Status DiskStore::ban_worker(const std::string& worker_id) {
-  return journal_->write([&](Database& rows) {
+absl::Status WorkerRows::ban_worker(const std::string& worker_id) {
+  return journal_.write([&](Database& rows) {
     return rows.run("INSERT OR REPLACE INTO bans(worker) VALUES(?)", {worker_id});
   });
 }
 
-absl::Status DiskStore::allow_worker(const std::string& worker_id) {
-  return journal_->write(
+absl::Status WorkerRows::allow_worker(const std::string& worker_id) {
+  return journal_.write(
       [&](Database& rows) { return rows.run("DELETE FROM bans WHERE worker=?", {worker_id}); });
 }
 
-absl::StatusOr<std::vector<std::string>> DiskStore::banned_workers() const {
+absl::StatusOr<std::vector<std::string>> WorkerRows::banned_workers() const {
   return read_ids("SELECT worker FROM bans ORDER BY worker");
 }
 
-absl::StatusOr<std::vector<std::string>> DiskStore::read_ids(std::string_view sql) const {
+absl::StatusOr<std::vector<std::string>> WorkerRows::read_ids(std::string_view sql) const {
   std::vector<std::string> ids;
-  absl::Status status = journal_->read([&](Database& rows) {
+  absl::Status status = journal_.read([&](Database& rows) {
     return rows.each(sql, {}, [&](const SqlRow& row) { ids.push_back(row.text(0)); });
   });
   if (!status.ok()) return status;
   return ids;
 }
 
-absl::Status DiskStore::record_join(const Join& join, std::int64_t max_joins) {
-  const std::int64_t now = options_.now_us();
-  return journal_->write([&](Database& rows) {
+absl::Status WorkerRows::record_join(const Join& join, std::int64_t max_joins) {
+  const std::int64_t now = now_us_();
+  return journal_.write([&](Database& rows) {
     bool is_known = false, is_taken = false;
     absl::Status status = rows.each("SELECT token, certificate FROM joins WHERE worker=?",
                                     {join.worker_id}, [&](const SqlRow& row) {
@@ -87,9 +87,9 @@ absl::Status DiskStore::record_join(const Join& join, std::int64_t max_joins) {
   });
 }
 
-absl::Status DiskStore::remove_stale_joins(const std::vector<std::string>& valid,
-                                           std::int64_t unseen_since_us) {
-  return journal_->write([&](Database& rows) {
+absl::Status WorkerRows::remove_stale_joins(const std::vector<std::string>& valid,
+                                            std::int64_t unseen_since_us) {
+  return journal_.write([&](Database& rows) {
     std::vector<std::pair<std::string, std::string>> gone;  // worker, token
     absl::Status status = rows.each(
         "SELECT worker, token FROM joins WHERE seen_us<? "
