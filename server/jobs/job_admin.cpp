@@ -298,9 +298,10 @@ absl::Status JobAdmin::remove_now(const std::string& job_id) {
 }
 
 void JobAdmin::tick(FarmChange& change) {
-  if (change.now() - last_tick_ < kCheckPeriod) return;
+  const bool is_due = change.now() - last_tick_ >= kCheckPeriod;
+  if ((is_due || has_more_expired_) && expiring_ == 0) expire_jobs(change);
+  if (!is_due) return;
   last_tick_ = change.now();
-  expire_jobs(change);
   for (const auto& [key, job] : change.scheduler().jobs()) {
     if (FarmChange::waits_for_room(job)) return pipeline_.post([this] { resume_waiting(); });
   }
@@ -317,7 +318,8 @@ void JobAdmin::resume_waiting() {
   for (Job* job : waiting) apply(change, *job, Change::resume).IgnoreError();  // none has ended
 }
 
-/// Removes a few jobs at a time, so that the writer is not blocked.
+/// Removes a few jobs at a time, so that the writer is not blocked; the next tick after these
+/// removes more. Otherwise a farm of small jobs would grow for ever.
 void JobAdmin::expire_jobs(FarmChange& change) {
   const FarmOptions& options = farm_.options();
   if (options.job_retention_us <= 0) return;
@@ -326,9 +328,14 @@ void JobAdmin::expire_jobs(FarmChange& change) {
   for (const auto& [key, job] : change.scheduler().jobs()) {
     const std::optional<Time> ended = change.film(job).end_time;
     if (!ended || change.now() - *ended < retention) continue;
-    pipeline_.post([this, id = job.spec->id] { expire(id); });
+    ++expiring_;
+    pipeline_.post([this, id = job.spec->id] {
+      expire(id);
+      --expiring_;
+    });
     if (++count == kOldJobsAtOnce) break;
   }
+  has_more_expired_ = count == kOldJobsAtOnce;
 }
 
 void JobAdmin::expire(const std::string& job_id) {

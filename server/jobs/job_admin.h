@@ -1,5 +1,7 @@
 #pragma once
 
+#include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -87,7 +89,11 @@ class JobAdmin {
   CommitPipeline& pipeline_;
   FrameFinisher& finisher_;
   AssetCatalog& assets_;
-  Time last_tick_;  // guarded by the farm's lock
+  // Guarded by the farm's lock.
+  Time last_tick_;
+  bool has_more_expired_ = false;  // the last batch was full, so that there may be more
+  // Jobs that expire_jobs() has posted to the writer.
+  std::atomic<std::size_t> expiring_ = 0;
 };
 
 }  // namespace tessera::server
