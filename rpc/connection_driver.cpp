@@ -16,6 +16,8 @@ constexpr std::chrono::milliseconds kStep{10};   // between steps of one that is
 // Of a watch for a change of state: 100 ms, by the monotonic clock.
 constexpr gpr_timespec kSlice{0, 100'000'000, GPR_TIMESPAN};
 constexpr int kStepsToDrain = 100;
+// More than gRPC's longest pause between two attempts (open_channel()).
+constexpr std::chrono::seconds kStuck{3};
 
 /// Watches the state of a channel, during which gRPC looks at its connection, without ever blocking
 /// in gRPC: gRPC's waits end by the wall clock, so after it has jumped backwards a wait that had
@@ -76,12 +78,21 @@ ConnectionDriver::~ConnectionDriver() {
 }
 
 void ConnectionDriver::run() {
+  using Clock = std::chrono::steady_clock;
   Watch watch(*channel_);
+  Clock::time_point attempted = Clock::now();
   while (true) {
     const grpc_connectivity_state state = channel_->GetState(/*try_to_connect=*/true);
     if (state == GRPC_CHANNEL_SHUTDOWN) return;
     const bool is_ready = state == GRPC_CHANNEL_READY;
     if (!is_ready) watch.step(state);
+    if (state != GRPC_CHANNEL_TRANSIENT_FAILURE) attempted = Clock::now();
+    // The pause before the next attempt ends by one of gRPC's timers, which stand still after the
+    // wall clock has jumped backwards.
+    if (Clock::now() - attempted > kStuck) {
+      grpc::experimental::ChannelResetConnectionBackoff(channel_.get());
+      attempted = Clock::now();
+    }
     if (wait(is_ready ? kLook : kStep)) return;
   }
 }

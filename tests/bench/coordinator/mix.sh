@@ -3,10 +3,11 @@
 #
 #   tests/bench/coordinator/mix.sh [WORKERS/QUEUED]…     default: 10/0 10/10000 100/10000
 #
-# TENANTS (5) clients with certificates make RATE (100) steps a second for SECONDS (20): jobs of 1, 4, 16 and 64 units,
-# uploads, queries, changes, removals. Simulated workers answer each lease at once. "Work: lease" is the time from
-# granting credits to the next leases, also if there is no work meanwhile; "Deliver: commit" is the time from sending a block to its acknowledgement, for the slowest
-# process of workers. Connections use TLS over loopback. BIN and STORE: as for run.sh.
+# TENANTS (5) clients with certificates make RATE (100) steps a second for SECONDS_EACH (20) seconds: jobs of 1, 4, 16
+# and 64 units, uploads, queries, changes, removals. Simulated workers answer each lease at once. "Work: lease" is the
+# time from granting credits to the next leases, also if there is no work meanwhile; "Deliver: commit" is the time from
+# sending a block to its acknowledgement; both are those of the slower process of workers. Connections use TLS over
+# loopback. BIN and STORE: as for run.sh.
 set -euo pipefail
 cd "$(dirname "$0")/../../.."
 BIN=${BIN:-$PWD/build/dev/bin}
