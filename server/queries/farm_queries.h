@@ -2,12 +2,15 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "server/assets/asset_catalog.h"
 #include "server/frames/frame_finisher.h"
 #include "server/intake/ingest_budget.h"
 #include "server/report/job_view.h"
@@ -29,6 +32,7 @@ class FarmQueries {
     const IngestBudget& budget;
     const DeliveryLog& deliveries;
     const Budgets& budgets;
+    const AssetCatalog& assets;
   };
   explicit FarmQueries(const Parts& parts) : parts_(parts) {}
 
@@ -62,6 +66,9 @@ class FarmQueries {
   absl::StatusOr<std::vector<UsageSum>> usage(const UsageQuery& query, std::size_t limit) const {
     return parts_.store.usage().read(query, limit);
   }
+  /// Returns what each of these clients, and each owner of a job, uses of its quotas of jobs and
+  /// files.
+  std::map<std::string, OwnerUse> quota_use(const std::set<std::string>& clients = {}) const;
   /// Returns the metrics for Prometheus. Visits all jobs and workers in one section.
   std::vector<prometheus::MetricFamily> metrics() const;
 
