@@ -15,18 +15,27 @@ namespace {
 constexpr double kMaxQuota = 1e9;
 constexpr double kDefaultJobs = 10'000;
 
-/// Help of the options, in the order of kQuotaKinds.
-constexpr std::array<const char*, kQuotaKindCount> kHelp = {
-    "Maximum unfinished jobs per client; 0: unlimited (default with --certs: 10000)",
-    "Maximum pixels x samples of a client's unfinished jobs, 10^9; 0: unlimited",
-    "Maximum store for a client's unfinished jobs, GB; 0: unlimited",
-    "Maximum scene files and results that are kept for a client, with what its unfinished jobs may "
-    "need, GB; 0: unlimited (default with --certs: half of --quota-gb)",
-    "With --certs: maximum open streams per client; 0: unlimited",
-    "With --certs: maximum event subscriptions per client; 0: unlimited",
-    "With --certs: maximum calls per second per client; 0: unlimited",
-    "With --certs: maximum upload per client and hour, GB; 0: unlimited",
+struct QuotaOption {
+  const char* name;
+  const char* help;
 };
+
+/// In the order of kQuotaKinds.
+constexpr std::array<QuotaOption, kQuotaKindCount> kOptions = {{
+    {"--client-jobs",
+     "Maximum unfinished jobs per client; 0: unlimited (default with --certs: 10000)"},
+    {"--client-gigasamples",
+     "Maximum pixels x samples of a client's unfinished jobs, 10^9; 0: unlimited"},
+    {"--client-gb", "Maximum store for a client's unfinished jobs, GB; 0: unlimited"},
+    {"--client-stored-gb",
+     "Maximum scene files and results that are kept for a client, with what its unfinished jobs "
+     "may need, GB; 0: unlimited (default with --certs: half of --quota-gb)"},
+    {"--client-streams", "With --certs: maximum open streams per client; 0: unlimited"},
+    {"--client-event-subscriptions",
+     "With --certs: maximum event subscriptions per client; 0: unlimited"},
+    {"--client-calls", "With --certs: maximum calls per second per client; 0: unlimited"},
+    {"--client-upload-gb", "With --certs: maximum upload per client and hour, GB; 0: unlimited"},
+}};
 
 absl::Status malformed(const std::string& text, const std::string& what) {
   return absl::InvalidArgumentError(
@@ -64,8 +73,7 @@ absl::Status read_override(const std::string& text, ClientQuotas& quotas) {
 
 void add_quota_options(CLI::App& app, QuotaOptions& options) {
   for (std::size_t i = 0; i < kQuotaKinds.size(); ++i) {
-    app.add_option(absl::StrCat("--client-", kQuotaKinds[i].name),
-                   options.defaults.*kQuotaKinds[i].member, kHelp[i])
+    app.add_option(kOptions[i].name, options.defaults.*kQuotaKinds[i].member, kOptions[i].help)
         ->check(cli::finite_range(0.0, kMaxQuota))
         ->capture_default_str();
   }

@@ -136,7 +136,7 @@ std::map<std::string, OwnerUse> FarmQueries::quota_use(const std::set<std::strin
     for (const std::string& owner : view.index().owners()) uses[owner] = view.owner_use(owner);
   }
   for (auto& [client, use] : uses) {
-    use.kept_bytes += static_cast<double>(parts_.assets.bytes_of(client));
+    use.kept_bytes += static_cast<double>(parts_.asset_bytes(client));
   }
   return uses;
 }

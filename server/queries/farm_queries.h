@@ -2,15 +2,16 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/assets/asset_catalog.h"
 #include "server/frames/frame_finisher.h"
 #include "server/intake/ingest_budget.h"
 #include "server/report/job_view.h"
@@ -32,9 +33,10 @@ class FarmQueries {
     const IngestBudget& budget;
     const DeliveryLog& deliveries;
     const Budgets& budgets;
-    const AssetCatalog& assets;
+    /// Returns the size of the assets that count towards an owner's quota.
+    std::function<std::int64_t(const std::string& owner)> asset_bytes;
   };
-  explicit FarmQueries(const Parts& parts) : parts_(parts) {}
+  explicit FarmQueries(Parts parts) : parts_(std::move(parts)) {}
 
   /// Finds a job by ID, unique prefix, name or `last`. Errors: NotFound, InvalidArgument.
   absl::StatusOr<JobView> find_job(const std::string& text, const std::string& owner = {}) const;

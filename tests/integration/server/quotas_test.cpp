@@ -80,6 +80,8 @@ TEST_F(QuotasTest, EventSubscriptionsAreCountedApart) {
   v1::WatchEventsRequest request;
   request.set_follow(true);
   grpc::ClientContext first, second;
+  prepare(first);
+  prepare(second);
   const auto open = stub->WatchEvents(&first, request);
   create_job("ann", "shot");
   v1::WatchEventsResponse response;

@@ -19,7 +19,9 @@ constexpr seconds kLimit{5};  // within which a revocation must take effect
 /// A stream on a thread of its own, which notes when and how it ends.
 class OpenCall {
  public:
-  explicit OpenCall(const char* what) : what_(what) {}
+  explicit OpenCall(const char* what) : what_(what) {
+    contract::prepare_call(context, "", seconds(20));  // a stream that does not end fails the test
+  }
   ~OpenCall() {
     context.TryCancel();
     if (thread_.joinable()) thread_.join();
