@@ -157,7 +157,7 @@ TEST_F(RenewalTest, RevokedHolderGetsNoCertificate) {
   EXPECT_TRUE(absl::IsUnauthenticated(renewed.status())) << renewed.status();
 }
 
-TEST_F(RenewalTest, RevocationIncludesRenewedCertificates) {
+TEST_F(RenewalTest, RevocationIncludesRenewedOnes) {
   issue_brief(Role::client, "old", 1000, 800);
   std::string certificate;
   ASSERT_TRUE(renew_for("old", contract::make_key()->signing_request, &certificate).ok());
@@ -181,7 +181,7 @@ TEST_F(RenewalTest, InterruptedInstallationIsCompleted) {
   EXPECT_FALSE(std::filesystem::exists(folder + "/tls.renewed"));
 }
 
-TEST_F(RenewalTest, ProcessesThatShareADirectoryRenewOnce) {
+TEST_F(RenewalTest, SharedDirectoryIsRenewedOnce) {
   issue_brief(Role::worker, "shared", 1000, 800);
   const auto open = channel("shared");
   std::vector<std::thread> processes;

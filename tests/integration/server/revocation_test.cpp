@@ -117,7 +117,7 @@ class RevocationTest : public SecureFarm {
   }
 };
 
-TEST_F(RevocationTest, OpenStreamsOfClientEndWithinFiveSeconds) {
+TEST_F(RevocationTest, ClientsStreamsEndWithinFiveSeconds) {
   const std::string job = create_job("ann", "shot");
   const std::string other = create_job("bob", "other");
   OpenCall watch("watch"), events("events"), upload("upload");

@@ -22,7 +22,7 @@
 namespace tessera::server {
 
 /// A server on loopback TCP with certificates for itself and its callers.
-class SecureFarm : public testing::Test {
+class SecureFarm : public ::testing::Test {
  protected:
   void SetUp() override {
     ASSERT_TRUE(make_authority(certs_, year()).ok());
