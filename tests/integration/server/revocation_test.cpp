@@ -117,7 +117,7 @@ class RevocationTest : public SecureFarm {
   }
 };
 
-TEST_F(RevocationTest, ClientsStreamsEndWithinFiveSeconds) {
+TEST_F(RevocationTest, ClientsStreamsEndInFiveSeconds) {
   const std::string job = create_job("ann", "shot");
   const std::string other = create_job("bob", "other");
   OpenCall watch("watch"), events("events"), upload("upload");
