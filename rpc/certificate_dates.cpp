@@ -23,18 +23,28 @@ std::string day_of(WallTime time) {
   return absl::FormatTime("%Y-%m-%d %H:%M UTC", absl::FromChrono(time), absl::UTCTimeZone());
 }
 
-}  // namespace
-
-absl::StatusOr<WallTime> certificate_end(const std::string& path) {
+/// Reads a date of the first certificate in a PEM file.
+absl::StatusOr<WallTime> date_of(const std::string& path,
+                                 const ASN1_TIME* (*read_date)(const X509*)) {
   const std::unique_ptr<BIO, int (*)(BIO*)> file(BIO_new_file(path.c_str(), "r"), BIO_free);
   if (file == nullptr) return absl::NotFoundError(absl::StrCat(path, ": cannot read the file"));
   const std::unique_ptr<X509, void (*)(X509*)> certificate(
       PEM_read_bio_X509(file.get(), nullptr, nullptr, nullptr), X509_free);
-  std::tm end{};
-  if (certificate == nullptr || ASN1_TIME_to_tm(X509_get0_notAfter(certificate.get()), &end) != 1) {
+  std::tm date{};
+  if (certificate == nullptr || ASN1_TIME_to_tm(read_date(certificate.get()), &date) != 1) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": holds no certificate"));
   }
-  return std::chrono::system_clock::from_time_t(::timegm(&end));
+  return std::chrono::system_clock::from_time_t(::timegm(&date));
+}
+
+}  // namespace
+
+absl::StatusOr<WallTime> certificate_begin(const std::string& path) {
+  return date_of(path, X509_get0_notBefore);
+}
+
+absl::StatusOr<WallTime> certificate_end(const std::string& path) {
+  return date_of(path, X509_get0_notAfter);
 }
 
 std::string expiry_warning(const std::string& certs, WallTime now) {

@@ -14,6 +14,9 @@ using WallTime = std::chrono::system_clock::time_point;
 /// InvalidArgument, the file holds no certificate.
 absl::StatusOr<WallTime> certificate_end(const std::string& path);
 
+/// Returns the moment at which it becomes valid. Errors: as certificate_end().
+absl::StatusOr<WallTime> certificate_begin(const std::string& path);
+
 /// Returns a line for the log if a certificate in the directory `certs` (tls.crt, ca.crt) ends
 /// within three weeks or has ended; empty otherwise. An empty directory name has none.
 std::string expiry_warning(const std::string& certs, WallTime now);
@@ -30,7 +33,7 @@ class CertificateRenewal {
   bool explains_refusal(WallTime now);
 
  private:
-  const std::string path_;
+  std::string path_;
   WallTime end_ = WallTime::max();  // of the certificate in use
   std::optional<WallTime> replaced_at_;
 };

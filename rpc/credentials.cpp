@@ -9,6 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "rpc/certificate_files.h"
 
 namespace tessera::contract {
 namespace {
@@ -19,6 +20,7 @@ constexpr unsigned kWatchSeconds = 1;
 
 absl::StatusOr<std::shared_ptr<tls::CertificateProviderInterface>> watch(
     const std::string& folder) {
+  repair_install(folder);
   const std::string key = folder + "/tls.key", certificate = folder + "/tls.crt",
                     authority = folder + "/ca.crt";
   for (const std::string& path : {key, certificate, authority}) {

@@ -41,19 +41,7 @@ std::string version_text() {
 }
 
 void add_client_limits(CLI::App& app, Config& config) {
-  app.add_option("--client-jobs", config.client_jobs,
-                 "Maximum unfinished jobs per client; 0: unlimited")
-      ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))
-      ->capture_default_str();
-  const auto limit = cli::finite_range(0.0, 1e9);
-  app.add_option("--client-gigasamples", config.client_gigasamples,
-                 "Maximum pixels x samples of a client's unfinished jobs, 10^9; 0: unlimited")
-      ->check(limit)
-      ->capture_default_str();
-  app.add_option("--client-gb", config.client_gb,
-                 "Maximum store for a client's unfinished jobs, GB; 0: unlimited")
-      ->check(limit)
-      ->capture_default_str();
+  add_quota_options(app, config.quotas);
   app.add_option("--client-priority", config.client_priority,
                  "With --certs: maximum priority of clients' jobs; admins may use any")
       ->check(CLI::Range(-100, 100))
@@ -65,14 +53,6 @@ void add_client_limits(CLI::App& app, Config& config) {
       ->check([](const std::string& share) {
         return std::string(parse_shares({share}).status().message());
       });
-  app.add_option("--client-calls", config.client_calls,
-                 "With --certs: maximum calls per second per client; 0: unlimited")
-      ->check(limit)
-      ->capture_default_str();
-  app.add_option("--client-upload-gb", config.client_upload_gb,
-                 "With --certs: maximum upload per client and hour, GB; 0: unlimited")
-      ->check(limit)
-      ->capture_default_str();
 }
 
 void add_options(CLI::App& app, Config& config) {
@@ -166,6 +146,9 @@ ParsedConfig parse_config(int argc, char** argv) {
     app.parse(argc, argv);
     if (!parsed.command && config.listen.empty()) throw CLI::RequiredError("--listen");
     if (!parsed.command && config.store.empty()) throw CLI::RequiredError("--store");
+    if (!config.certs.empty()) complete_quotas(app, config.quota_gb, config.quotas.defaults);
+    const absl::Status quotas = parse_quotas(config.quotas).status();
+    if (!quotas.ok()) throw CLI::ValidationError(std::string(quotas.message()));
   } catch (const CLI::ParseError& error) {
     parsed.exit_code = app.exit(error) == 0 ? 0 : cli::kExitBadInput;
     parsed.command = nullptr;

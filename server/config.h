@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/quota_options.h"
 
 namespace tessera::server {
 
@@ -22,13 +23,9 @@ struct Config {
   double asset_quota_gb = 64;      // size above which unused assets are deleted
   double job_retention_days = 0;   // age after its end at which a job is removed; 0: never
   double audit_fraction = 0.01;    // of units re-rendered by a second worker
-  // Limits of each owner's unfinished jobs; 0: unlimited.
-  std::int64_t client_jobs = 0;
-  double client_gigasamples = 0, client_gb = 0;
+  QuotaOptions quotas;
   std::int32_t client_priority = 100;      // maximum priority of clients' jobs; admins: any
   std::vector<std::string> client_shares;  // NAME=WEIGHT: weights of fair share; others have 1
-  // Limits per client, with certificates; 0: unlimited.
-  double client_calls = 500, client_upload_gb = 50;
   std::string log_level = "info";
   std::string metrics;  // HOST:PORT of the Prometheus endpoint; empty: none
 };

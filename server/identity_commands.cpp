@@ -1,6 +1,7 @@
 #include "server/identity_commands.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <map>
@@ -11,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "cli/command.h"
+#include "cli/finite_range.h"
 #include "server/identity/authority.h"
 #include "server/identity/join_tokens.h"
 #include "server/identity/private_file.h"
@@ -22,8 +24,8 @@ namespace {
 
 using Run = std::function<absl::Status()>;
 
-constexpr std::int64_t kDay = 86'400;
-constexpr std::int64_t kAuthorityDays = 3650;
+constexpr double kDay = 86'400;
+constexpr int kAuthorityDays = 3650;
 constexpr std::int64_t kClockSkew = 3600;  // by which other machines' clocks may be behind
 
 std::int64_t now_s() {
@@ -32,14 +34,16 @@ std::int64_t now_s() {
       .count();
 }
 
-Validity days_from_now(std::int64_t days) {
-  return {now_s() - kClockSkew, now_s() + days * kDay};
+/// Begins in the past, for clocks that are behind, but not by more than a tenth of its time.
+Validity days_from_now(double days) {
+  const auto length = static_cast<std::int64_t>(days * kDay);
+  return {now_s() - std::min(kClockSkew, length / 10), now_s() + length};
 }
 
 struct CertificateFlags {
   std::string folder, role, name, out;
   std::vector<std::string> hosts;
-  std::int64_t days = 365;
+  double days = 365;
 };
 
 void add_folder(CLI::App& command, CertificateFlags& flags) {
@@ -50,7 +54,7 @@ void add_folder(CLI::App& command, CertificateFlags& flags) {
 
 void add_days(CLI::App& command, CertificateFlags& flags) {
   command.add_option("--days", flags.days, "Validity of the certificate, days")
-      ->check(CLI::Range(std::int64_t{1}, kAuthorityDays))
+      ->check(cli::finite_range(1e-4, kAuthorityDays))
       ->capture_default_str();
 }
 

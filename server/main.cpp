@@ -54,8 +54,7 @@ FarmOptions options_of(const Config& config) {
   options.asset_quota_bytes = to_bytes(config.asset_quota_gb);
   options.job_retention_us =
       static_cast<std::int64_t>(config.job_retention_days * static_cast<double>(kDayUs));
-  options.client_quota = {config.client_jobs, to_bytes(config.client_gb),
-                          1e9 * config.client_gigasamples};
+  options.client_quotas = parse_quotas(config.quotas).value();  // checked when parsed
   options.clock = [] { return std::chrono::steady_clock::now(); };
   options.wall_us = wall_us;
   options.random = random_bits;
@@ -129,9 +128,8 @@ int serve(const Config& config, const sigset_t& signals) {
     metrics = *std::move(started);
     options.log(LogLevel::info, absl::StrCat("metrics: http://", metrics->address(), "/metrics"));
   }
-  const ClientRates rates{config.client_calls, 1e9 * config.client_upload_gb};
-  auto server = FarmServer::start(**coordinator,
-                                  {config.listen, config.store, config.certs, rates, options.log});
+  auto server = FarmServer::start(**coordinator, {config.listen, config.store, config.certs,
+                                                  options.client_quotas, options.log});
   if (!server.ok()) return fail(server.status());
   std::thread writer([&] {
     while (!(*coordinator)->is_stopping()) (*coordinator)->run_writer(true);

@@ -303,6 +303,20 @@ class Client : public FarmClient {
     return usage;
   }
 
+  absl::StatusOr<std::vector<v1::ClientQuotas>> list_quotas() override {
+    std::vector<v1::ClientQuotas> clients;
+    v1::ListQuotasRequest request;
+    do {
+      v1::ListQuotasResponse page;
+      absl::Status status = unary(farm_, &v1::FarmService::Stub::ListQuotas, request, page);
+      if (!status.ok()) return status;
+      std::move(page.mutable_clients()->begin(), page.mutable_clients()->end(),
+                std::back_inserter(clients));
+      request.set_page_token(page.next_page_token());
+    } while (!request.page_token().empty());
+    return clients;
+  }
+
   absl::StatusOr<v1::Limit> set_limit(const std::string& name, std::int64_t units) override {
     v1::SetLimitRequest request;
     request.set_name(name);
@@ -470,6 +484,10 @@ class Client : public FarmClient {
       running_.insert(&context);
     }
     absl::Status status = attempt(context);
+    if (absl::IsResourceExhausted(status) &&
+        context.GetServerTrailingMetadata().count(contract::kRetryKey) > 0) {
+      status = absl::UnavailableError(status.message());
+    }
     const std::lock_guard lock(mutex_);
     running_.erase(&context);
     return status;

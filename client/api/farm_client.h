@@ -98,6 +98,7 @@ class FarmClient {
   virtual absl::StatusOr<std::vector<v1::Budget>> list_budgets() = 0;
   /// Returns all pages.
   virtual absl::StatusOr<std::vector<v1::Usage>> list_usage(v1::ListUsageRequest request) = 0;
+  virtual absl::StatusOr<std::vector<v1::ClientQuotas>> list_quotas() = 0;
 };
 
 }  // namespace tessera::client

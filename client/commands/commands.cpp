@@ -18,6 +18,7 @@ void add_all_commands(CLI::App& app, Invocation& invocation) {
   add_limits_command(app, invocation);
   add_budgets_command(app, invocation);
   add_usage_command(app, invocation);
+  add_quotas_command(app, invocation);
   add_farm_command(app, invocation);
   add_inspect_command(app, invocation);
   add_compare_command(app, invocation);

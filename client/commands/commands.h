@@ -40,6 +40,7 @@ void add_limits_command(CLI::App& app, Invocation& invocation);
 /// Adds budgets with set and remove.
 void add_budgets_command(CLI::App& app, Invocation& invocation);
 void add_usage_command(CLI::App& app, Invocation& invocation);
+void add_quotas_command(CLI::App& app, Invocation& invocation);
 /// Adds farm with up and down.
 void add_farm_command(CLI::App& app, Invocation& invocation);
 void add_inspect_command(CLI::App& app, Invocation& invocation);

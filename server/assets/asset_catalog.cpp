@@ -18,22 +18,29 @@ bool AssetCatalog::has_asset(const contract::Digest& digest) {
   if (!store_.assets().has(digest)) return false;
   const Time now = farm_.now();
   const MutexLock lock(mutex_);
-  asked_[digest] = now;
+  asked_[digest].time = now;
   if (asked_.size() > max_asked_) forget_asked(now);
   return true;
 }
 
 void AssetCatalog::forget_asked(Time now) {
-  std::erase_if(asked_, [&](const auto& entry) { return now - entry.second > kAssetPin; });
+  std::erase_if(asked_, [&](const auto& entry) { return now - entry.second.time > kAssetPin; });
   max_asked_ = 2 * asked_.size() + 1000;  // visits each entry a constant number of times
 }
 
 absl::Status AssetCatalog::check_present(const JobSpec& spec) {
   for (const ManifestEntry& entry : spec.assets) {
-    if (has_asset(entry.digest)) continue;
-    return absl::FailedPreconditionError(
-        absl::StrCat("manifest: asset ", entry.digest.hex(), " (", entry.uri,
-                     ") has not been uploaded; upload it and repeat"));
+    if (!has_asset(entry.digest)) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("manifest: asset ", entry.digest.hex(), " (", entry.uri,
+                       ") has not been uploaded; upload it and repeat"));
+    }
+    const auto bytes = size_of(entry.digest);
+    if (!bytes.ok()) return bytes.status();
+    if (*bytes == entry.size_bytes) continue;
+    return absl::InvalidArgumentError(absl::StrCat("manifest: asset ", entry.digest.hex(), " (",
+                                                   entry.uri, ") has ", *bytes, " bytes, not ",
+                                                   entry.size_bytes));
   }
   for (const contract::Digest& digest : spec.references) {
     if (has_asset(digest)) continue;
@@ -43,10 +50,60 @@ absl::Status AssetCatalog::check_present(const JobSpec& spec) {
   return absl::OkStatus();
 }
 
+absl::StatusOr<std::int64_t> AssetCatalog::size_of(const contract::Digest& digest) {
+  {
+    const MutexLock lock(mutex_);
+    const auto found = asked_.find(digest);
+    if (found != asked_.end() && found->second.bytes >= 0) return found->second.bytes;
+  }
+  const auto asset = store_.assets().open(digest);
+  if (!asset.ok()) return asset.status();
+  note_size(digest, asset->size());
+  return asset->size();
+}
+
+void AssetCatalog::note_size(const contract::Digest& digest, std::int64_t bytes) {
+  const Time now = farm_.now();
+  const MutexLock lock(mutex_);
+  asked_[digest] = {now, bytes};
+}
+
+absl::Status AssetCatalog::begin_upload(const std::string& owner, const contract::Digest& digest,
+                                        std::int64_t bytes) {
+  const double limit = farm_.options().client_quotas.of(owner).stored_gb;
+  const QuotaKind& kind = quota_kind(&ClientQuota::stored_gb);
+  const Time now = farm_.now();
+  const FarmView view(farm_);
+  const MutexLock lock(mutex_);
+  OwnerUse use = view.owner_use(owner);
+  use.kept_bytes += static_cast<double>(owned_.bytes_with(owner, digest, bytes, now));
+  if (limit > 0 && use.of(kind) > limit) {
+    farm_.metrics().quota_refused(kind.name);
+    return over_quota(owner, kind, use.of(kind), limit);
+  }
+  owned_.add_upload(owner, digest, bytes, now);
+  return absl::OkStatus();
+}
+
+void AssetCatalog::drop_upload(const std::string& owner, const contract::Digest& digest) {
+  const MutexLock lock(mutex_);
+  owned_.drop_upload(owner, digest);
+}
+
+std::int64_t AssetCatalog::bytes_of(const std::string& owner) const {
+  const Time now = farm_.now();
+  const MutexLock lock(mutex_);
+  return owned_.bytes(owner, now);
+}
+
 void AssetCatalog::add_job(JobKey key, const JobSpec& spec) {
   const MutexLock lock(mutex_);
   for (const contract::Digest& digest : spec.references) jobs_[digest][key] = false;
   for (const ManifestEntry& entry : spec.assets) jobs_[entry.digest][key] = true;
+  std::map<contract::Digest, std::int64_t> bytes;  // each asset once; of references it is not known
+  for (const contract::Digest& digest : spec.references) bytes[digest] = 0;
+  for (const ManifestEntry& entry : spec.assets) bytes[entry.digest] = entry.size_bytes;
+  for (const auto& [digest, size] : bytes) owned_.add_job(spec.owner, digest, size);
 }
 
 absl::Status AssetCatalog::release(JobKey key, const JobSpec& spec) {
@@ -54,6 +111,9 @@ absl::Status AssetCatalog::release(JobKey key, const JobSpec& spec) {
   absl::Status status = store_.assets().release(digests);
   {
     const MutexLock lock(mutex_);
+    for (const contract::Digest& digest : std::set(digests.begin(), digests.end())) {
+      owned_.remove_job(spec.owner, digest);
+    }
     for (const contract::Digest& digest : digests) {
       const auto found = jobs_.find(digest);
       if (found == jobs_.end()) continue;
@@ -80,9 +140,11 @@ bool AssetCatalog::is_leased_asset(const contract::Digest& digest,
 
 void AssetCatalog::add_asset(const contract::Digest& digest, std::string bytes,
                              CommitPipeline::Answer done) {
+  const auto size = static_cast<std::int64_t>(bytes.size());
   pipeline_.post_write(
       [this, digest, bytes = std::move(bytes)] { return store_.assets().add(digest, bytes); },
-      [this, done = std::move(done)](const absl::Status& status) {
+      [this, digest, size, done = std::move(done)](const absl::Status& status) {
+        if (status.ok()) note_size(digest, size);
         if (is_over_quota()) pipeline_.post([this] { collect(); });
         done(status);
       });
@@ -109,7 +171,7 @@ void AssetCatalog::collect() {
   {
     const MutexLock lock(mutex_);
     forget_asked(now);
-    for (const auto& [digest, time] : asked_) named.push_back(digest);
+    for (const auto& [digest, asked] : asked_) named.push_back(digest);
     for (const auto& [digest, keys] : jobs_) named.push_back(digest);
   }
   const absl::Status status =

@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "contract/digest.h"
+#include "server/assets/owned_assets.h"
 #include "server/commit/commit_pipeline.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
@@ -42,14 +43,26 @@ class AssetCatalog {
   /// this certificate.
   bool is_leased_asset(const contract::Digest& digest, const std::string& certificate) const
       ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Errors: FailedPrecondition, an asset that the job refers to is missing.
+  /// Errors: FailedPrecondition, an asset that the job refers to is missing; InvalidArgument, it
+  /// has another size than the manifest says.
   absl::Status check_present(const JobSpec& spec);
+  /// Counts an asset that `owner` is about to upload towards its quota. Errors: ResourceExhausted.
+  absl::Status begin_upload(const std::string& owner, const contract::Digest& digest,
+                            std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// The upload has failed.
+  void drop_upload(const std::string& owner, const contract::Digest& digest)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Returns the size of the assets that count towards the owner's quota: those of its jobs, and
+  /// those that it has uploaded within the last hour.
+  std::int64_t bytes_of(const std::string& owner) const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Keeps the assets of a job.
   void add_job(JobKey key, const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
   /// A removed job no longer needs its assets. On the writer thread.
   absl::Status release(JobKey key, const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
+  absl::StatusOr<std::int64_t> size_of(const contract::Digest& digest) ABSL_LOCKS_EXCLUDED(mutex_);
+  void note_size(const contract::Digest& digest, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
   void forget_asked(Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool is_over_quota() const;
   void collect() ABSL_LOCKS_EXCLUDED(mutex_);
@@ -58,11 +71,17 @@ class AssetCatalog {
   Store& store_;
   CommitPipeline& pipeline_;
   mutable Mutex mutex_;
-  std::map<contract::Digest, Time> asked_ ABSL_GUARDED_BY(mutex_);
+  struct Asked {
+    Time time;
+    std::int64_t bytes = -1;  // negative: not known
+  };
+  /// Assets that somebody asked for within the last hour or so.
+  std::map<contract::Digest, Asked> asked_ ABSL_GUARDED_BY(mutex_);
   /// Number of entries of asked_ at which those that are too old are removed.
   std::size_t max_asked_ ABSL_GUARDED_BY(mutex_) = 1000;
   /// Jobs that refer to the asset; true: as a file of their scene, which workers read.
   std::map<contract::Digest, std::map<JobKey, bool>> jobs_ ABSL_GUARDED_BY(mutex_);
+  mutable OwnedAssets owned_ ABSL_GUARDED_BY(mutex_);  // reading it forgets old uploads
 };
 
 }  // namespace tessera::server

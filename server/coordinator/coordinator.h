@@ -53,6 +53,8 @@ class Coordinator {
   const FarmQueries& queries() const { return queries_; }
   /// Recent events.
   const EventLog& events() { return farm_.events(); }
+  FarmMetrics& metrics() { return farm_.metrics(); }
+  const ClientQuotas& quotas() const { return farm_.options().client_quotas; }
   /// Signs of life of the threads.
   Health& health() { return health_; }
 

@@ -73,6 +73,20 @@ absl::Status FarmLoader::load() {
     if (status.ok()) status = note_removed(change, record.id);
     if (!status.ok()) leave_out(change, record, status);
   }
+  return load_kept(change);
+}
+
+/// Counts what jobs keep on disk for the quotas of their owners.
+absl::Status FarmLoader::load_kept(FarmChange& change) {
+  const auto kept = parts_.store.usage().kept();
+  if (!kept.ok()) return kept.status();
+  for (const auto& [sequence, bytes] : *kept) {
+    const Job* job = change.scheduler().find_job(sequence);
+    if (job == nullptr) continue;
+    change.film(*job).image_bytes = bytes.image_bytes;
+    change.film(*job).block_bytes = bytes.block_bytes;
+    change.note_kept(*job);
+  }
   return absl::OkStatus();
 }
 

@@ -28,6 +28,7 @@ class FarmLoader {
   absl::Status load();
 
  private:
+  absl::Status load_kept(FarmChange& change);
   absl::Status load_job(FarmChange& change, const JobRecord& record);
   void leave_out(FarmChange& change, const JobRecord& record, const absl::Status& fault);
   absl::Status note_removed(FarmChange& change, const std::string& job_id);

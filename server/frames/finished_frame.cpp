@@ -99,6 +99,7 @@ absl::StatusOr<FinishedFrame> write_finished_frame(
   record.file = name;
   record.file_sha256 = result->file_sha256;
   record.pixels_sha256 = result->pixels_sha256;
+  record.image_bytes = result->file_bytes;
   FrameSummary& summary = finished.summary;
   for (std::size_t pass = 0; pass < curve.size(); ++pass) {
     summary.unit_count += progress[pass].committed;

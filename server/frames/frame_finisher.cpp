@@ -229,6 +229,7 @@ void FrameFinisher::note_finished(const FrameKey& key, const FinishedFrame& fram
   JobFilm& film = change.film(*job);
   film.finishing.erase(key.frame);
   film.count_finished(frame.record, frame.summary);
+  if (has_ended(job->state)) change.note_kept(*job);
   film.open_block_index(*job).erase(key.frame);
   change.log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " finished"));
   change.scheduler().finish_frame(*job, key.frame, change.now());

@@ -14,42 +14,22 @@
 #include "absl/strings/str_split.h"
 #include "server/identity/openssl_objects.h"
 #include "server/identity/private_file.h"
+#include "server/identity/revocations.h"
+#include "server/identity/signed_certificate.h"
 
 namespace tessera::server {
 namespace {
 
 constexpr mode_t kPublic = 0644;
-constexpr int kSerialBits = 127;  // random, and positive in 16 bytes
-
-absl::Status openssl_failed(const char* what) {
-  const unsigned long code = ERR_get_error();
-  const char* reason = ERR_reason_error_string(code);
-  ERR_clear_error();
-  return absl::InternalError(absl::StrCat("OpenSSL cannot ", what, reason == nullptr ? "" : ": ",
-                                          reason == nullptr ? "" : reason));
-}
-
-std::string text_of(BIO* bio) {
-  char* bytes = nullptr;
-  const long size = BIO_get_mem_data(bio, &bytes);
-  return {bytes, static_cast<std::size_t>(size)};
-}
-
-struct KeyPair {
-  Certificate certificate;
-  PrivateKey key;
-};
+constexpr char kServerUri[] = "tessera://server/";
 
 absl::Status write_pair(const KeyPair& pair, const std::string& certificate_path,
                         const std::string& key_path) {
-  const Bio certificate(BIO_new(BIO_s_mem())), key(BIO_new(BIO_s_mem()));
-  if (PEM_write_bio_X509(certificate.get(), pair.certificate.get()) != 1 ||
-      PEM_write_bio_PKCS8PrivateKey(key.get(), pair.key.get(), nullptr, nullptr, 0, nullptr,
-                                    nullptr) != 1) {
-    return openssl_failed("write a certificate");
-  }
-  absl::Status status = write_file(key_path, text_of(key.get()), kPrivate);
-  if (status.ok()) status = write_file(certificate_path, text_of(certificate.get()), kPublic);
+  const auto certificate = to_pem(pair.certificate.get()), key = to_pem(pair.key.get());
+  if (!certificate.ok()) return certificate.status();
+  if (!key.ok()) return key.status();
+  absl::Status status = write_file(key_path, *key, kPrivate);
+  if (status.ok()) status = write_file(certificate_path, *certificate, kPublic);
   return status;
 }
 
@@ -71,58 +51,6 @@ absl::StatusOr<KeyPair> read_authority(const std::string& folder) {
       X509_check_private_key(pair.certificate.get(), pair.key.get()) != 1) {
     return openssl_failed("use ca.crt with ca.key");
   }
-  return pair;
-}
-
-bool add_extension(X509* certificate, X509V3_CTX& context, int nid, const std::string& value) {
-  const Extension extension(X509V3_EXT_conf_nid(nullptr, &context, nid, value.c_str()));
-  return extension && X509_add_ext(certificate, extension.get(), -1) == 1;
-}
-
-struct Extensions {
-  const char* constraints;
-  const char* usage;
-  const char* purpose;  // null: none
-  std::string names;    // empty: none
-};
-
-/// Creates a key and its certificate, signed by `authority`, or self-signed if that is null.
-absl::StatusOr<KeyPair> make_pair_signed(const std::string& common_name, const Extensions& wanted,
-                                         const Validity& validity, const KeyPair* authority) {
-  KeyPair pair;
-  pair.key.reset(EVP_EC_gen("P-256"));
-  pair.certificate.reset(X509_new());
-  const Bignum serial(BN_new());
-  X509* const made = pair.certificate.get();
-  if (!pair.key || made == nullptr || !serial) return openssl_failed("create a key");
-  const X509* const issuer = authority == nullptr ? made : authority->certificate.get();
-  EVP_PKEY* const signer = authority == nullptr ? pair.key.get() : authority->key.get();
-  X509_NAME* const subject = X509_get_subject_name(made);
-  const auto* name = reinterpret_cast<const unsigned char*>(common_name.c_str());
-  bool ok = X509_set_version(made, X509_VERSION_3) == 1 &&
-            BN_rand(serial.get(), kSerialBits, BN_RAND_TOP_ANY, BN_RAND_BOTTOM_ANY) == 1 &&
-            BN_to_ASN1_INTEGER(serial.get(), X509_get_serialNumber(made)) != nullptr &&
-            ASN1_TIME_set(X509_getm_notBefore(made), validity.from_s) != nullptr &&
-            ASN1_TIME_set(X509_getm_notAfter(made), validity.until_s) != nullptr &&
-            X509_NAME_add_entry_by_txt(subject, "CN", MBSTRING_UTF8, name, -1, -1, 0) == 1 &&
-            X509_set_issuer_name(made, X509_get_subject_name(issuer)) == 1 &&
-            X509_set_pubkey(made, pair.key.get()) == 1;
-  X509V3_CTX context;
-  X509V3_set_ctx(&context, const_cast<X509*>(issuer), made, nullptr, nullptr, 0);
-  ok = ok && add_extension(made, context, NID_basic_constraints, wanted.constraints) &&
-       add_extension(made, context, NID_key_usage, wanted.usage) &&
-       add_extension(made, context, NID_subject_key_identifier, "hash");
-  if (ok && authority != nullptr) {
-    ok = add_extension(made, context, NID_authority_key_identifier, "keyid:always");
-  }
-  if (ok && wanted.purpose != nullptr) {
-    ok = add_extension(made, context, NID_ext_key_usage, wanted.purpose);
-  }
-  if (ok && !wanted.names.empty()) {
-    ok = add_extension(made, context, NID_subject_alt_name, wanted.names);
-  }
-  if (!ok || X509_sign(made, signer, EVP_sha256()) == 0)
-    return openssl_failed("create a certificate");
   return pair;
 }
 
@@ -155,7 +83,69 @@ absl::Status record_issued(const std::string& folder, const X509* certificate,
                                                       format_day(validity.until_s), "\n"));
 }
 
+/// Returns the host names and addresses among the subject alternative names.
+std::vector<std::string> hosts_of(const X509* certificate) {
+  const SubjectNames names(static_cast<GENERAL_NAMES*>(
+      X509_get_ext_d2i(certificate, NID_subject_alt_name, nullptr, nullptr)));
+  std::vector<std::string> hosts;
+  for (int i = 0; names && i < sk_GENERAL_NAME_num(names.get()); ++i) {
+    const GENERAL_NAME* name = sk_GENERAL_NAME_value(names.get(), i);
+    if (name->type != GEN_DNS && name->type != GEN_IPADD) continue;
+    const ASN1_STRING* value = name->type == GEN_DNS ? name->d.dNSName : name->d.iPAddress;
+    const unsigned char* bytes = ASN1_STRING_get0_data(value);
+    const int size = ASN1_STRING_length(value);
+    if (name->type == GEN_DNS) {
+      hosts.emplace_back(reinterpret_cast<const char*>(bytes), static_cast<std::size_t>(size));
+      continue;
+    }
+    std::array<char, INET6_ADDRSTRLEN> text{};
+    const int family = size == sizeof(in_addr) ? AF_INET : AF_INET6;
+    if (::inet_ntop(family, bytes, text.data(), text.size()) != nullptr) {
+      hosts.emplace_back(text.data());
+    }
+  }
+  return hosts;
+}
+
+/// Returns the validity of the certificate that follows one: as long, and with the same share of it
+/// in the past, for clocks that are behind.
+Validity following(const Validity& present, std::int64_t now_s) {
+  constexpr std::int64_t kClockSkew = 3600, kShare = 10;
+  const std::int64_t length = present.until_s - present.from_s;
+  const std::int64_t from = now_s - std::min(kClockSkew, length / kShare);
+  return {from, from + length};
+}
+
+Validity following(const Identity& present, std::int64_t now_s) {
+  return following(Validity{present.issued_s, present.expires_s}, now_s);
+}
+
+/// The server's certificate.
+struct ServerCertificate {
+  std::vector<std::string> hosts;
+  Validity validity;
+};
+
+/// Errors: InvalidArgument, it is no certificate, or names no hosts.
+absl::StatusOr<ServerCertificate> read_server(const std::string& pem) {
+  const Bio bytes(BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
+  const Certificate certificate(PEM_read_bio_X509(bytes.get(), nullptr, nullptr, nullptr));
+  ServerCertificate server;
+  if (certificate) {
+    server.hosts = hosts_of(certificate.get());
+    server.validity = validity_of(certificate.get());
+  }
+  if (server.hosts.empty()) {
+    return absl::InvalidArgumentError("tls.crt: expected a certificate of host names");
+  }
+  return server;
+}
+
 }  // namespace
+
+bool is_renewal_due(const Validity& validity, std::int64_t now_s) {
+  return now_s >= validity.from_s + (validity.until_s - validity.from_s) / 3 * 2;
+}
 
 absl::Status make_authority(const std::string& folder, const Validity& validity) {
   if (absl::Status status = make_private_folder(folder); !status.ok()) return status;
@@ -186,7 +176,7 @@ absl::Status issue_server(const std::string& folder, const std::vector<std::stri
   const auto pair = make_pair_signed("Tessera server", extensions, validity, &*authority);
   if (!pair.ok()) return pair.status();
   absl::Status status =
-      record_issued(folder, pair->certificate.get(), "tessera://server/" + hosts.front(), validity);
+      record_issued(folder, pair->certificate.get(), kServerUri + hosts.front(), validity);
   if (status.ok()) status = write_pair(*pair, folder + "/tls.crt", folder + "/tls.key");
   return status;
 }
@@ -218,14 +208,81 @@ absl::Status issue(const std::string& folder, Role role, const std::string& name
   return write_file(out + "/ca.crt", *authority_text, kPublic);
 }
 
-absl::Status revoke(const std::string& folder, Role role, const std::string& name) {
+absl::StatusOr<std::string> renew(const std::string& folder, const Identity& present,
+                                  const std::string& signing_request, std::int64_t now_s) {
+  const std::int64_t middle_s = present.issued_s + (present.expires_s - present.issued_s) / 2;
+  if (now_s < middle_s) {
+    return absl::FailedPreconditionError(absl::StrCat("the certificate can be renewed in ",
+                                                      middle_s - now_s,
+                                                      " s, when half of its time has passed"));
+  }
+  const Bio bytes(
+      BIO_new_mem_buf(signing_request.data(), static_cast<int>(signing_request.size())));
+  const SigningRequest request(PEM_read_bio_X509_REQ(bytes.get(), nullptr, nullptr, nullptr));
+  EVP_PKEY* const key = request ? X509_REQ_get0_pubkey(request.get()) : nullptr;
+  if (key == nullptr || X509_REQ_verify(request.get(), key) != 1) {
+    ERR_clear_error();
+    return absl::InvalidArgumentError(
+        "signing_request: expected a PKCS #10 request in PEM form, signed with its own key");
+  }
+  std::array<char, 32> group{};
+  std::size_t size = 0;
+  if (EVP_PKEY_get_group_name(key, group.data(), group.size(), &size) != 1 ||
+      std::string(group.data(), size) != "prime256v1") {
+    return absl::InvalidArgumentError("signing_request: expected a key on the curve P-256");
+  }
+  auto authority = read_authority(folder);
+  if (absl::IsNotFound(authority.status())) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "this server cannot renew certificates, because ", folder,
+        "/ca.key is kept elsewhere: issue one there with `tessera-server issue-cert`"));
+  }
+  if (!authority.ok()) return authority.status();
+  Validity validity = following(present, now_s);
+  validity.until_s = std::min(validity.until_s, validity_of(authority->certificate.get()).until_s);
+  const std::string uri = identity_uri(present.role, present.name);
+  const Extensions extensions{"critical,CA:FALSE", "critical,digitalSignature", "clientAuth",
+                              "URI:" + uri};
+  const auto certificate = sign_certificate(key, present.name, extensions, validity, &*authority);
+  if (!certificate.ok()) return certificate.status();
+  absl::Status status = record_issued(folder, certificate->get(), uri, validity);
+  if (!status.ok()) return status;
+  // After it is listed: either revoke() finds the new certificate, or this finds the old one
+  // revoked.
+  if (Revocations(folder + "/revoked").contains(present.serial)) {
+    return absl::UnauthenticatedError(absl::StrCat("the certificate of ", uri, " is revoked"));
+  }
+  return to_pem(certificate->get());
+}
+
+absl::StatusOr<ServerRenewal> renew_server(const std::string& folder, std::int64_t now_s) {
+  constexpr std::int64_t kPart = 30;  // of the certificate's time, between two looks
+  ServerRenewal renewal;
+  if (::access((folder + "/ca.key").c_str(), F_OK) != 0) return renewal;
+  const auto text = read_file(folder + "/tls.crt");
+  if (!text.ok()) return text.status();
+  const auto present = read_server(*text);
+  if (!present.ok()) return present.status();
+  const std::int64_t length = present->validity.until_s - present->validity.from_s;
+  renewal.again_s = std::clamp(length / kPart, std::int64_t{1}, renewal.again_s);
+  if (!is_renewal_due(present->validity, now_s)) return renewal;
+  absl::Status status = issue_server(folder, present->hosts, following(present->validity, now_s));
+  if (!status.ok()) return status;
+  renewal.is_renewed = true;
+  return renewal;
+}
+
+namespace {
+
+/// Adds the certificates of this URI that are issued and not revoked yet to `revoked`; returns
+/// whether there are any.
+absl::StatusOr<bool> revoke_issued(const std::string& folder, const std::string& uri) {
   const auto issued = read_file(folder + "/issued");
   if (!issued.ok()) return issued.status();
   const auto revoked = read_file(folder + "/revoked");
   if (!revoked.ok() && !absl::IsNotFound(revoked.status())) return revoked.status();
   const std::vector<std::string> known = absl::StrSplit(revoked.value_or(""), '\n');
   const std::vector<std::string> lines = absl::StrSplit(*issued, '\n');
-  const std::string uri = identity_uri(role, name);
   std::string added;
   for (const std::string& line : lines) {
     const std::vector<std::string> words = absl::StrSplit(line, ' ');
@@ -233,11 +290,27 @@ absl::Status revoke(const std::string& folder, Role role, const std::string& nam
     if (std::find(known.begin(), known.end(), line) != known.end()) continue;
     absl::StrAppend(&added, line, "\n");
   }
-  if (added.empty()) {
-    return absl::NotFoundError(
-        absl::StrCat(folder, "/issued: no certificate of ", uri, " that is not revoked"));
+  if (added.empty()) return false;
+  if (absl::Status status = append_file(folder + "/revoked", added); !status.ok()) return status;
+  return true;
+}
+
+}  // namespace
+
+absl::Status revoke(const std::string& folder, Role role, const std::string& name) {
+  const std::string uri = identity_uri(role, name);
+  bool has_any = false;
+  // Again until nothing is added: a server that renewed a certificate meanwhile has listed it
+  // before it looked whether the old one is revoked (renew()).
+  for (bool has_more = true; has_more;) {
+    const auto added = revoke_issued(folder, uri);
+    if (!added.ok()) return added.status();
+    has_more = *added;
+    has_any = has_any || has_more;
   }
-  return append_file(folder + "/revoked", added);
+  if (has_any) return absl::OkStatus();
+  return absl::NotFoundError(
+      absl::StrCat(folder, "/issued: no certificate of ", uri, " that is not revoked"));
 }
 
 }  // namespace tessera::server

@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "server/identity/identity.h"
+#include "server/identity/signed_certificate.h"
 
 namespace tessera::server {
 
@@ -17,11 +19,6 @@ namespace tessera::server {
 //
 // Kubernetes and cert-manager use the names ca.crt, tls.crt and tls.key too; a client's or worker's
 // directory has the same. Keys are ECDSA P-256, mode 0600; files are replaced by rename.
-
-/// Period in which a certificate is valid; seconds since 1970.
-struct Validity {
-  std::int64_t from_s = 0, until_s = 0;
-};
 
 /// Creates the authority's certificate and key unless they exist. Creates the directory if missing,
 /// mode 0700.
@@ -43,6 +40,27 @@ absl::Status issue_server(const std::string& folder, const std::vector<std::stri
 /// Errors: InvalidArgument, invalid name; NotFound, no authority; AlreadyExists, `out` has a key.
 absl::Status issue(const std::string& folder, Role role, const std::string& name,
                    const std::string& out, const Validity& validity);
+
+/// Returns a certificate, in PEM form, that follows `present` for the key of a signing request
+/// (PKCS #10, PEM): the same role and name, valid as long from now on. Lists it in `issued`.
+///
+/// Errors: InvalidArgument, the request is malformed or its key is not on P-256;
+/// FailedPrecondition, less than half of the present one's time has passed, or the authority's key
+/// is kept elsewhere; Unauthenticated, the present one is revoked.
+absl::StatusOr<std::string> renew(const std::string& folder, const Identity& present,
+                                  const std::string& signing_request, std::int64_t now_s);
+
+/// Returns whether two thirds of a certificate's time have passed.
+bool is_renewal_due(const Validity& validity, std::int64_t now_s);
+
+/// What renew_server() has done.
+struct ServerRenewal {
+  bool is_renewed = false;
+  std::int64_t again_s = 3600;  // time after which it should be called again
+};
+/// Replaces the server's certificate by one for the same hosts if it is due and the authority's key
+/// is in `folder`.
+absl::StatusOr<ServerRenewal> renew_server(const std::string& folder, std::int64_t now_s);
 
 /// Revokes all certificates issued to this name so far. One issued later is valid.
 ///

@@ -2,11 +2,10 @@
 
 #include <openssl/pem.h>
 
-#include <ctime>
-
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "server/identity/openssl_objects.h"
+#include "server/identity/signed_certificate.h"
 #include "server/store/files/names.h"
 
 namespace tessera::server {
@@ -81,11 +80,12 @@ absl::StatusOr<Identity> read_identity(std::string_view pem) {
   }
   identity.role = *role;
   identity.serial = serial_of(certificate.get());
-  std::tm until{};
-  if (ASN1_TIME_to_tm(X509_get0_notAfter(certificate.get()), &until) != 1) {
-    return absl::UnauthenticatedError("the certificate's expiry date is invalid");
+  const Validity validity = validity_of(certificate.get());
+  if (validity.until_s == 0) {
+    return absl::UnauthenticatedError("the certificate's dates are invalid");
   }
-  identity.expires_s = ::timegm(&until);
+  identity.issued_s = validity.from_s;
+  identity.expires_s = validity.until_s;
   return identity;
 }
 

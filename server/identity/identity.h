@@ -23,8 +23,8 @@ bool is_identity_name(std::string_view name);
 struct Identity {
   Role role = Role::client;
   std::string name;
-  std::string serial;          // of the certificate, hexadecimal
-  std::int64_t expires_s = 0;  // since 1970
+  std::string serial;                        // of the certificate, hexadecimal
+  std::int64_t issued_s = 0, expires_s = 0;  // start and end of its validity, since 1970
 };
 
 /// Returns tessera://ROLE/NAME, the one URI among a certificate's subject alternative names.

@@ -24,6 +24,7 @@ using Bignum = std::unique_ptr<BIGNUM, OpensslFree<BN_free>>;
 using Certificate = std::unique_ptr<X509, OpensslFree<X509_free>>;
 using Extension = std::unique_ptr<X509_EXTENSION, OpensslFree<X509_EXTENSION_free>>;
 using PrivateKey = std::unique_ptr<EVP_PKEY, OpensslFree<EVP_PKEY_free>>;
+using SigningRequest = std::unique_ptr<X509_REQ, OpensslFree<X509_REQ_free>>;
 using SubjectNames = std::unique_ptr<GENERAL_NAMES, OpensslFree<GENERAL_NAMES_free>>;
 
 /// Returns a certificate's serial number, hexadecimal.

@@ -299,6 +299,8 @@ void BlockIntake::note_committed(FarmChange& change, Job& job, const UnitRecord&
   film.open_block_index(job).add(record, job.wall_seconds(change.now()));
   const std::int64_t samples = film.unit_samples(job, record.unit);
   film.committed_samples += samples;
+  film.block_bytes += record.stored_bytes;
+  if (has_ended(job.state)) change.note_kept(job);
   count_committed(change, job, record, samples);
   job.counters.cost += block.header.cost;
   scheduler.commit(job, record.unit, record.worker_id, record.cpu_seconds);

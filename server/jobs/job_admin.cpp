@@ -119,7 +119,7 @@ absl::Status JobAdmin::apply(FarmChange& change, Job& job, Change what) {
       break;
     case Change::retry:
       status = check_render_contract(*job.spec);
-      status.Update(check_owners_quota(change, farm_.options().client_quota, *job.spec));
+      status.Update(check_owners_quota(change, *job.spec, assets_use(job.spec->owner)));
       if (status.ok()) status = scheduler.retry(job, change.now());
       break;
   }
@@ -150,7 +150,7 @@ absl::StatusOr<std::shared_ptr<JobSpec>> JobAdmin::spec_to_extend(
   auto spec = std::make_shared<JobSpec>(*job->spec);
   if (extension.spp) spec->settings.spp = *extension.spp;
   if (extension.error) spec->settings.error = extension.error;
-  status = check_owners_quota(view, farm_.options().client_quota, *spec);
+  status = check_owners_quota(view, *spec, assets_use(spec->owner));
   if (!status.ok()) return status;
   return spec;
 }

@@ -84,6 +84,13 @@ class JobAdmin {
   void expire(const std::string& job_id);
   void resume_waiting();
 
+  /// Returns what the owner's assets use of its quotas.
+  OwnerUse assets_use(const std::string& owner) const {
+    OwnerUse use;
+    use.kept_bytes = static_cast<double>(assets_.bytes_of(owner));
+    return use;
+  }
+
   FarmState& farm_;
   Store& store_;
   CommitPipeline& pipeline_;

@@ -46,20 +46,22 @@ absl::Status check_dependencies(const FarmView& farm, const JobSpec& spec,
 
 }  // namespace
 
-absl::Status check_owners_quota(const FarmView& farm, const ClientQuota& quota, const JobSpec& spec,
-                                OwnerUse use) {
-  if (!quota.has_limits()) return absl::OkStatus();
-  Demand sum = farm.scheduler().demand(spec.owner);
+absl::Status check_owners_quota(const FarmView& farm, const JobSpec& spec, OwnerUse use) {
+  use += farm.owner_use(spec.owner);
   const Job* job = spec.id.empty() ? nullptr : farm.find_job(spec.id);
-  if (job != nullptr && !has_ended(job->state)) {  // only the others count
-    sum.jobs -= job->demand.jobs;
-    sum.store_bytes -= job->demand.store_bytes;
-    sum.samples -= job->demand.samples;
+  if (job != nullptr) {  // only the others count
+    if (!has_ended(job->state)) {
+      use.jobs -= job->demand.jobs;
+      use.store_bytes -= job->demand.store_bytes;
+      use.samples -= job->demand.samples;
+    }
+    use.kept_bytes -= static_cast<double>(farm.kept_bytes(*job));
   }
-  use.jobs += sum.jobs;
-  use.store_bytes += sum.store_bytes;
-  use.samples += sum.samples;
-  return check_quota(quota, use, spec);
+  const QuotaKind* refused = nullptr;
+  absl::Status status =
+      check_quota(farm.options().client_quotas.of(spec.owner), use, spec, &refused);
+  if (refused != nullptr) farm.options().metrics->quota_refused(refused->name);
+  return status;
 }
 
 absl::Status check_limits_exist(const FarmView& farm, const std::vector<LimitUse>& uses) {
@@ -128,8 +130,9 @@ absl::Status JobAdmission::check_room(const Request& request) {
   for (const auto& other : written_) {
     if (other->spec.owner == spec.owner) use.add(other->spec);
   }
+  use.kept_bytes = static_cast<double>(assets_.bytes_of(spec.owner));
   const FarmView view(farm_);
-  return check_owners_quota(view, farm_.options().client_quota, spec, use);
+  return check_owners_quota(view, spec, use);
 }
 
 std::string JobAdmission::new_job_id() {

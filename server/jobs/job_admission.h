@@ -17,10 +17,9 @@
 
 namespace tessera::server {
 
-/// Checks the quota of the owner of `spec` with this job in its new form, and with what it uses
+/// Checks the quotas of the owner of `spec` with this job in its new form, and with what it uses
 /// besides the farm's jobs. Errors: ResourceExhausted.
-absl::Status check_owners_quota(const FarmView& farm, const ClientQuota& quota, const JobSpec& spec,
-                                OwnerUse use = {});
+absl::Status check_owners_quota(const FarmView& farm, const JobSpec& spec, OwnerUse use);
 
 /// Errors: NotFound, a limit does not exist.
 absl::Status check_limits_exist(const FarmView& farm, const std::vector<LimitUse>& uses);

@@ -125,6 +125,16 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
     used[account_text(account)] = state.used_cpu_seconds / state.budget.cpu_seconds;
   }
   metrics.budget_used_fraction.set(used);
+  std::map<std::string, double> fractions;
+  for (const auto& [client, use] : quota_use()) {
+    double& fraction = fractions[client];
+    const ClientQuota& quota = parts_.farm.options().client_quotas.of(client);
+    for (const QuotaKind& kind : kQuotaKinds) {
+      const double limit = quota.*kind.member;
+      if (limit > 0) fraction = std::max(fraction, use.of(kind) / limit);
+    }
+  }
+  metrics.quota_used_fraction.set(fractions);
   set(metrics.ingest_bytes, parts_.budget.used_bytes());
   set(metrics.film_queue_length, parts_.finisher.tasks().size());
   set(metrics.film_bytes, parts_.finisher.films().cache().used_bytes());

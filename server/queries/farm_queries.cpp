@@ -128,6 +128,19 @@ absl::StatusOr<JobReport> FarmQueries::report(const std::string& job_id) const {
   return report;
 }
 
+std::map<std::string, OwnerUse> FarmQueries::quota_use(const std::set<std::string>& clients) const {
+  std::map<std::string, OwnerUse> uses;
+  {
+    const FarmView view(parts_.farm);
+    for (const std::string& client : clients) uses[client] = view.owner_use(client);
+    for (const std::string& owner : view.index().owners()) uses[owner] = view.owner_use(owner);
+  }
+  for (auto& [client, use] : uses) {
+    use.kept_bytes += static_cast<double>(parts_.asset_bytes(client));
+  }
+  return uses;
+}
+
 absl::StatusOr<std::vector<Delivery>> FarmQueries::deliveries(const std::string& job_id,
                                                               std::int64_t after,
                                                               std::size_t limit) const {

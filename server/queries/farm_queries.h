@@ -2,8 +2,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <map>
 #include <memory>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -29,8 +33,10 @@ class FarmQueries {
     const IngestBudget& budget;
     const DeliveryLog& deliveries;
     const Budgets& budgets;
+    /// Returns the size of the assets that count towards an owner's quota.
+    std::function<std::int64_t(const std::string& owner)> asset_bytes;
   };
-  explicit FarmQueries(const Parts& parts) : parts_(parts) {}
+  explicit FarmQueries(Parts parts) : parts_(std::move(parts)) {}
 
   /// Finds a job by ID, unique prefix, name or `last`. Errors: NotFound, InvalidArgument.
   absl::StatusOr<JobView> find_job(const std::string& text, const std::string& owner = {}) const;
@@ -62,6 +68,9 @@ class FarmQueries {
   absl::StatusOr<std::vector<UsageSum>> usage(const UsageQuery& query, std::size_t limit) const {
     return parts_.store.usage().read(query, limit);
   }
+  /// Returns what each of these clients, and each owner of a job, uses of its quotas of jobs and
+  /// files.
+  std::map<std::string, OwnerUse> quota_use(const std::set<std::string>& clients = {}) const;
   /// Returns the metrics for Prometheus. Visits all jobs and workers in one section.
   std::vector<prometheus::MetricFamily> metrics() const;
 

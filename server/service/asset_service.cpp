@@ -10,10 +10,12 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "contract/digest.h"
 #include "rpc/rpc_status.h"
+#include "server/service/access/refusal.h"
 
 namespace tessera::server {
 namespace {
@@ -48,7 +50,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     if (caller.ok()) {
       StartRead(&request_);
     } else {
-      Finish(contract::to_rpc(caller.status()));
+      refuse(*this, caller.status());
     }
   }
 
@@ -57,8 +59,10 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   }
 
   void OnDone() override {
+    caller_.stream.reset();  // before the call's context is gone
     io_.post([this] {
       output_.reset();
+      if (is_counted_ && !is_stored_) coordinator_.assets().drop_upload(caller_.owner(), *digest_);
       if (!path_.empty() && !is_published_) std::remove(path_.c_str());
       delete this;
     });
@@ -104,6 +108,10 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     if (absl::Status status = access_.count_upload(caller_, size_bytes_); !status.ok()) {
       return status;
     }
+    absl::Status status =
+        coordinator_.assets().begin_upload(caller_.owner(), *digest_, size_bytes_);
+    if (!status.ok()) return status;
+    is_counted_ = true;
     if (size_bytes_ <= coordinator_.assets().max_row_bytes()) {
       memory_.emplace();
       return absl::OkStatus();
@@ -123,9 +131,11 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     }
     if (hasher_.finish() != *digest_) return fail("the bytes do not match asset.sha256");
     if (memory_) {
-      return coordinator_.assets().add_asset(
-          *digest_, *std::move(memory_),
-          [this](const absl::Status& status) { Finish(contract::to_rpc(status)); });
+      return coordinator_.assets().add_asset(*digest_, *std::move(memory_),
+                                             [this](const absl::Status& status) {
+                                               is_stored_ = status.ok();
+                                               Finish(contract::to_rpc(status));
+                                             });
     }
     if (!output_) return Finish(grpc::Status::OK);
     output_->close();
@@ -136,7 +146,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
       return Finish(contract::to_rpc(status));
     }
     coordinator_.assets().publish_asset(path_, *digest_, [this](const absl::Status& status) {
-      is_published_ = status.ok();
+      is_published_ = is_stored_ = status.ok();
       Finish(contract::to_rpc(status));
     });
   }
@@ -153,7 +163,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   Coordinator& coordinator_;
   const Access& access_;
   IoPool& io_;
-  const Caller caller_;  // also its reservation in the stream limit
+  Caller caller_;  // also its place in the table of open streams
   v1::UploadAssetRequest request_;
   std::optional<contract::Digest> digest_;
   std::int64_t size_bytes_ = 0, received_bytes_ = 0;
@@ -163,11 +173,12 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   std::string path_;
   std::optional<std::ofstream> output_;
   bool is_published_ = false;
+  bool is_counted_ = false, is_stored_ = false;  // towards the owner's quota; successfully
 };
 
 class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse> {
  public:
-  explicit Download(IoPool& io) : io_(io) {}
+  Download(IoPool& io, Caller caller) : io_(io), caller_(std::move(caller)) {}
 
   void start(AssetCatalog& assets, const contract::Digest& digest) {
     io_.post([this, &assets, digest] {
@@ -202,6 +213,7 @@ class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse
   }
 
   IoPool& io_;
+  const Caller caller_;  // holds its place in the table of open streams
   absl::StatusOr<AssetReader> input_ = no_such_asset();
   std::int64_t offset_ = 0;
   bool has_sent_ = false;
@@ -219,7 +231,7 @@ grpc::ServerUnaryReactor* AssetService::FindMissingAssets(
   }
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   if (!status.ok()) {
-    reactor->Finish(contract::to_rpc(status));
+    refuse(*reactor, status);
     return reactor;
   }
   // Looks at a row and a file for each asset.
@@ -256,11 +268,11 @@ bool AssetService::may_read(const Caller& caller, const contract::Digest& digest
 
 grpc::ServerWriteReactor<v1::DownloadAssetResponse>* AssetService::DownloadAsset(
     grpc::CallbackServerContext* context, const v1::DownloadAssetRequest* request) {
-  auto* download = new Download(io_);
   const auto caller = access_.admit(*context, "AssetService.DownloadAsset");
+  auto* download = new Download(io_, caller.value_or(Caller{}));
   const auto digest = contract::Digest::from_binary(request->asset().sha256());
   if (!caller.ok()) {
-    download->Finish(contract::to_rpc(caller.status()));
+    refuse(*download, caller.status());
   } else if (!digest) {
     download->Finish(
         contract::to_rpc(absl::InvalidArgumentError("asset.sha256: expected 32 bytes")));

@@ -1,5 +1,7 @@
 #include "server/service/farm_service.h"
 
+#include <chrono>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -14,7 +16,7 @@ namespace tessera::server {
 namespace {
 
 constexpr std::int64_t kMaxUnits = 1'000'000;
-constexpr int kMaxUsagePage = 10'000;
+constexpr int kMaxUsagePage = 10'000, kMaxQuotaPage = 1000;
 
 /// Adds up to `size` sums, and the token if there are more or the message is full.
 void add_page(const std::vector<UsageSum>& sums, int size, v1::ListUsageResponse& response) {
@@ -136,6 +138,43 @@ grpc::ServerUnaryReactor* FarmService::ListUsage(grpc::CallbackServerContext* co
     reactor->Finish(contract::to_rpc(sums.status()));
   });
   return reactor;
+}
+
+v1::ClientQuotas FarmService::quotas_of(const std::string& client, const OwnerUse& use) const {
+  const auto now = std::chrono::steady_clock::now();
+  const ClientLimits* limits = access_.limits();
+  v1::ClientQuotas message;
+  message.set_client(client);
+  for (const QuotaKind& kind : kQuotaKinds) {
+    v1::QuotaUse& quota = *message.add_quotas();
+    quota.set_quota(kind.name);
+    quota.set_used(use.of(kind) + (limits == nullptr ? 0 : limits->used(client, kind, now)));
+    quota.set_limit(coordinator_.quotas().of(client).*kind.member);
+  }
+  return message;
+}
+
+grpc::ServerUnaryReactor* FarmService::ListQuotas(grpc::CallbackServerContext* context,
+                                                  const v1::ListQuotasRequest* request,
+                                                  v1::ListQuotasResponse* response) {
+  const auto caller = access_.admit(*context, "FarmService.ListQuotas");
+  if (!caller.ok()) return finish(context, caller.status());
+  const absl::Status status = check_range("page_size", request->page_size(), 0, kMaxQuotaPage);
+  if (!status.ok()) return finish(context, status);
+  std::set<std::string> clients;
+  if (access_.limits() != nullptr) clients = access_.limits()->clients();
+  if (!caller->visible_owner().empty()) clients.insert(caller->visible_owner());
+  const auto uses = coordinator_.queries().quota_use(clients);
+  const int size = request->page_size() == 0 ? kMaxQuotaPage : request->page_size();
+  for (auto use = uses.upper_bound(request->page_token()); use != uses.end(); ++use) {
+    if (!caller->visible_owner().empty() && use->first != caller->visible_owner()) continue;
+    if (response->clients_size() == size) {
+      response->set_next_page_token(response->clients(size - 1).client());
+      break;
+    }
+    *response->add_clients() = quotas_of(use->first, use->second);
+  }
+  return finish(context, absl::OkStatus());
 }
 
 }  // namespace tessera::server

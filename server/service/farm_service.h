@@ -35,8 +35,13 @@ class FarmService final : public v1::FarmService::CallbackService {
   grpc::ServerUnaryReactor* ListUsage(grpc::CallbackServerContext* context,
                                       const v1::ListUsageRequest* request,
                                       v1::ListUsageResponse* response) override;
+  grpc::ServerUnaryReactor* ListQuotas(grpc::CallbackServerContext* context,
+                                       const v1::ListQuotasRequest* request,
+                                       v1::ListQuotasResponse* response) override;
 
  private:
+  v1::ClientQuotas quotas_of(const std::string& client, const OwnerUse& use) const;
+
   Coordinator& coordinator_;
   const Access& access_;
   IoPool io_{1};  // reads accounts

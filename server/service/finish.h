@@ -3,15 +3,15 @@
 #include <grpcpp/grpcpp.h>
 
 #include "absl/status/status.h"
-#include "rpc/rpc_status.h"
+#include "server/service/access/refusal.h"
 
 namespace tessera::server {
 
-/// Finishes a unary call at once with `status`.
+/// Finishes a unary call with `status`; if it comes from Access::admit(), as refuse() does.
 inline grpc::ServerUnaryReactor* finish(grpc::CallbackServerContext* context,
                                         const absl::Status& status) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  reactor->Finish(contract::to_rpc(status));
+  refuse(*reactor, status);
   return reactor;
 }
 

@@ -32,8 +32,8 @@ JobAdmin::OnJob answer_with(grpc::ServerUnaryReactor* reactor, v1::Job* job) {
 }  // namespace
 
 /// Identifies the caller and checks that it may call `rpc` for this job.
-absl::StatusOr<Caller> JobService::admit(const grpc::CallbackServerContext& context,
-                                         std::string_view rpc, const std::string& job_id) const {
+absl::StatusOr<Caller> JobService::admit(grpc::CallbackServerContext& context, std::string_view rpc,
+                                         const std::string& job_id) const {
   auto caller = access_.admit(context, rpc);
   if (!caller.ok()) return caller;
   absl::Status status = coordinator_.queries().check_owner(job_id, caller->visible_owner());

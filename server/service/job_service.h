@@ -67,7 +67,7 @@ class JobService final : public v1::JobService::CallbackService {
   };
   grpc::ServerUnaryReactor* change(grpc::CallbackServerContext* context, const std::string& job_id,
                                    const Change& change, v1::Job* job);
-  absl::StatusOr<Caller> admit(const grpc::CallbackServerContext& context, std::string_view rpc,
+  absl::StatusOr<Caller> admit(grpc::CallbackServerContext& context, std::string_view rpc,
                                const std::string& job_id) const;
 
   Coordinator& coordinator_;

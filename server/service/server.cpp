@@ -5,7 +5,9 @@
 #include <grpcpp/health_check_service_interface.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <chrono>
+#include <ctime>
 #include <filesystem>
 #include <optional>
 #include <thread>
@@ -17,12 +19,14 @@
 #include "absl/time/time.h"
 #include "rpc/channel.h"
 #include "rpc/credentials.h"
+#include "server/identity/authority.h"
 #include "server/identity/join_tokens.h"
 #include "server/service/accept_gate.h"
 #include "server/service/access/access.h"
 #include "server/service/access/token.h"
 #include "server/service/access/worker_admission.h"
 #include "server/service/asset_service.h"
+#include "server/service/certificate_service.h"
 #include "server/service/farm_service.h"
 #include "server/service/job_service.h"
 #include "server/service/worker_service.h"
@@ -31,7 +35,8 @@ namespace tessera::server {
 namespace {
 
 constexpr std::chrono::milliseconds kShutdownGrace{300};
-constexpr absl::Duration kHealthPeriod = absl::Milliseconds(500);
+constexpr absl::Duration kHealthPeriod = absl::Milliseconds(500);  // also of cutting streams
+constexpr int kRenewalRetryS = 60;
 constexpr char kUnixPrefix[] = "unix:";
 /// A connection that has not finished its handshakes by then is closed.
 constexpr int kHandshakeTimeoutMs = 10'000;
@@ -76,6 +81,7 @@ struct Endpoint {
   std::shared_ptr<grpc::ServerCredentials> credentials;
   Access access;
   std::optional<JoinTokens> join_tokens;
+  std::string certs = {};  // directory of the certificates; empty: none
 };
 
 absl::StatusOr<Endpoint> unix_socket_endpoint(const std::string& address) {
@@ -83,12 +89,14 @@ absl::StatusOr<Endpoint> unix_socket_endpoint(const std::string& address) {
   return Endpoint{grpc::InsecureServerCredentials(), Access(""), std::nullopt};
 }
 
-absl::StatusOr<Endpoint> tls_endpoint(const ListenOptions& options) {
+absl::StatusOr<Endpoint> tls_endpoint(Coordinator& coordinator, const ListenOptions& options) {
   auto credentials = contract::server_credentials(options.certs);
   if (!credentials.ok()) return credentials.status();
+  FarmMetrics& metrics = coordinator.metrics();
   return Endpoint{*std::move(credentials),
-                  Access(std::make_unique<Revocations>(options.certs + "/revoked"), options.rates),
-                  JoinTokens(options.store)};
+                  Access(std::make_unique<Revocations>(options.certs + "/revoked"), options.quotas,
+                         [&metrics](const QuotaKind& kind) { metrics.quota_refused(kind.name); }),
+                  JoinTokens(options.store), options.certs};
 }
 
 absl::StatusOr<Endpoint> loopback_endpoint(const ListenOptions& options) {
@@ -103,9 +111,9 @@ absl::StatusOr<Endpoint> loopback_endpoint(const ListenOptions& options) {
   return Endpoint{grpc::InsecureServerCredentials(), Access(*std::move(token)), std::nullopt};
 }
 
-absl::StatusOr<Endpoint> make_endpoint(const ListenOptions& options) {
+absl::StatusOr<Endpoint> make_endpoint(Coordinator& coordinator, const ListenOptions& options) {
   if (absl::StartsWith(options.address, kUnixPrefix)) return unix_socket_endpoint(options.address);
-  return options.certs.empty() ? loopback_endpoint(options) : tls_endpoint(options);
+  return options.certs.empty() ? loopback_endpoint(options) : tls_endpoint(coordinator, options);
 }
 
 class GrpcFarmServer final : public FarmServer {
@@ -114,12 +122,14 @@ class GrpcFarmServer final : public FarmServer {
       : health_(coordinator.health()),
         log_(std::move(log)),
         credentials_(std::move(endpoint.credentials)),
+        certs_(std::move(endpoint.certs)),
         access_(std::move(endpoint.access)),
         admission_(coordinator, std::move(endpoint.join_tokens)),
         jobs_(coordinator, access_),
         assets_(coordinator, access_),
         workers_(coordinator, access_, admission_),
-        farm_(coordinator, access_) {}
+        farm_(coordinator, access_),
+        certificates_(access_, certs_) {}
 
   ~GrpcFarmServer() override { stop(); }
 
@@ -141,18 +151,19 @@ class GrpcFarmServer final : public FarmServer {
     if (!is_unix) limit_connections(builder);
     builder.SetMaxReceiveMessageSize(contract::kMaxMessageBytes);
     builder.SetMaxSendMessageSize(contract::kMaxMessageBytes);
-    builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, ClientLimits::kStreamsPerClient);
+    builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, calls_per_connection());
     builder.AddChannelArgument(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
     builder.RegisterService(&jobs_);
     builder.RegisterService(&assets_);
     builder.RegisterService(&workers_);
     builder.RegisterService(&farm_);
+    builder.RegisterService(&certificates_);
     server_ = builder.BuildAndStart();
     if (!server_) {
       return absl::UnavailableError(absl::StrCat("cannot listen on ", address, ": is it in use?"));
     }
     health_.set_accepting(true);
-    reporter_ = std::thread([this] { report_health(); });
+    watcher_ = std::thread([this] { watch_over(); });
     address_ = address;
     if (gate_ != nullptr) {
       address_ = absl::StrCat(address.substr(0, address.rfind(':')), ":", gate_->port());
@@ -168,35 +179,64 @@ class GrpcFarmServer final : public FarmServer {
     if (!server_) return;
     health_.set_accepting(false);
     stopping_.Notify();
-    reporter_.join();
+    watcher_.join();
     gate_.reset();
     server_->Shutdown(std::chrono::system_clock::now() + kShutdownGrace);
     server_.reset();
   }
 
  private:
-  /// Passes the state of health to the health service until the server stops.
-  void report_health() {
+  /// Returns how many calls a connection may have in progress: as many as any client's streams, so
+  /// that a client needs only one.
+  int calls_per_connection() const {
+    constexpr double kLeast = 8, kMost = 100;
+    if (access_.limits() == nullptr) return static_cast<int>(kLeast);
+    const double streams = access_.limits()->quotas().largest(&ClientQuota::streams);
+    return static_cast<int>(streams == 0 ? kMost : std::clamp(streams, kLeast, kMost));
+  }
+
+  /// Until the server stops, passes the state of health to the health service and ends streams
+  /// whose callers are no longer allowed.
+  void watch_over() {
     grpc::HealthCheckServiceInterface* service = server_->GetHealthCheckService();
     do {
       const bool is_ready = health_.why_unready().empty();
       service->SetServingStatus("liveness", health_.why_dead().empty());
       service->SetServingStatus("readiness", is_ready);
       service->SetServingStatus("", is_ready);
+      access_.cut_refused_streams();
+      renew_certificate();
     } while (!stopping_.WaitForNotificationWithTimeout(kHealthPeriod));
+  }
+
+  /// Renews the server's own certificate when it is due. New connections use it.
+  void renew_certificate() {
+    const auto now = std::chrono::steady_clock::now();
+    if (certs_.empty() || now < renewal_due_) return;
+    const auto renewal = renew_server(certs_, std::time(nullptr));
+    renewal_due_ = now + std::chrono::seconds(renewal.ok() ? renewal->again_s : kRenewalRetryS);
+    if (!renewal.ok()) {
+      log_(LogLevel::warn, absl::StrCat("the server's certificate cannot be renewed: ",
+                                        std::string(renewal.status().message())));
+    } else if (renewal->is_renewed) {
+      log_(LogLevel::info, "the server's certificate has been renewed");
+    }
   }
 
   Health& health_;
   absl::Notification stopping_;
-  std::thread reporter_;
+  std::thread watcher_;
+  std::chrono::steady_clock::time_point renewal_due_{};  // of the watcher
   const Log log_;
   const std::shared_ptr<grpc::ServerCredentials> credentials_;
+  const std::string certs_;
   const Access access_;
   const WorkerAdmission admission_;
   JobService jobs_;
   AssetService assets_;
   WorkerService workers_;
   FarmService farm_;
+  CertificateService certificates_;
   std::unique_ptr<AcceptGate> gate_;  // null on a Unix socket
   std::unique_ptr<grpc::Server> server_;
   std::string address_;
@@ -206,7 +246,7 @@ class GrpcFarmServer final : public FarmServer {
 
 absl::StatusOr<std::unique_ptr<FarmServer>> FarmServer::start(Coordinator& coordinator,
                                                               const ListenOptions& options) {
-  auto endpoint = make_endpoint(options);
+  auto endpoint = make_endpoint(coordinator, options);
   if (!endpoint.ok()) return endpoint.status();
   auto server = std::make_unique<GrpcFarmServer>(coordinator, *std::move(endpoint), options.log);
   if (absl::Status status = server->listen(options.address); !status.ok()) return status;

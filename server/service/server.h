@@ -5,15 +5,15 @@
 
 #include "absl/status/statusor.h"
 #include "server/coordinator/coordinator.h"
-#include "server/service/access/client_limits.h"
+#include "server/state/client_quota.h"
 
 namespace tessera::server {
 
 struct ListenOptions {
-  std::string address;     // unix:PATH or HOST:PORT; port 0: any free port
-  std::string store;       // directory of the tokens
-  std::string certs;       // directory of certificates (identity/authority.h); empty: none
-  ClientRates rates = {};  // limits per client, with certificates
+  std::string address;       // unix:PATH or HOST:PORT; port 0: any free port
+  std::string store;         // directory of the tokens
+  std::string certs;         // directory of certificates (identity/authority.h); empty: none
+  ClientQuotas quotas = {};  // of clients with certificates
   Log log = no_log;
 };
 

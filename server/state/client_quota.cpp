@@ -1,5 +1,7 @@
 #include "server/state/client_quota.h"
 
+#include <algorithm>
+
 #include "absl/strings/str_format.h"
 #include "contract/film_block.h"
 #include "contract/pass_schedule.h"
@@ -23,10 +25,7 @@ std::int64_t frame_store_bytes(const contract::RenderSettings& settings) {
   return bytes;
 }
 
-absl::Status exceeded(const char* what, double sum, double limit) {
-  return absl::ResourceExhaustedError(absl::StrFormat(
-      "quota exceeded: your unfinished jobs would total %g %s; the limit is %g", sum, what, limit));
-}
+constexpr double kGiga = 1e9;
 
 }  // namespace
 
@@ -42,6 +41,43 @@ JobSize max_job_size(const JobSpec& spec) {
           static_cast<double>(pixels) * static_cast<double>(frames) * spec.settings.spp};
 }
 
+const std::array<QuotaKind, kQuotaKindCount> kQuotaKinds = {{
+    {"jobs", &ClientQuota::jobs, "unfinished jobs", "wait for jobs to finish, or cancel some"},
+    {"gigasamples", &ClientQuota::gigasamples, "10^9 samples of unfinished jobs",
+     "wait for jobs to finish, cancel some, or ask for fewer samples"},
+    {"gb", &ClientQuota::gb, "GB of store that unfinished jobs may need",
+     "wait for jobs to finish, cancel some, or split the job"},
+    {"stored-gb", &ClientQuota::stored_gb,
+     "GB of scene files, results and what unfinished jobs may need", "fetch and remove ended jobs"},
+    {"streams", &ClientQuota::streams, "open streams", "close one, such as a watch or a transfer"},
+    {"event-subscriptions", &ClientQuota::event_subscriptions, "event subscriptions",
+     "end one, such as a webhook or `tessera events --follow`"},
+    {"calls", &ClientQuota::calls, "calls per second", "retry later, and call less often"},
+    {"upload-gb", &ClientQuota::upload_gb, "GB uploaded per hour", "retry later"},
+}};
+
+const QuotaKind& quota_kind(double ClientQuota::*member) {
+  return *std::find_if(kQuotaKinds.begin(), kQuotaKinds.end(),
+                       [&](const QuotaKind& kind) { return kind.member == member; });
+}
+
+double ClientQuotas::largest(double ClientQuota::*member) const {
+  double largest = defaults.*member;
+  for (const auto& [client, quota] : by_client) {
+    if (largest == 0 || quota.*member == 0) return 0;
+    largest = std::max(largest, quota.*member);
+  }
+  return largest;
+}
+
+absl::Status over_quota(const std::string& client, const QuotaKind& kind, double used,
+                        double limit) {
+  return absl::ResourceExhaustedError(absl::StrFormat(
+      "quota %s: client %s would use %.10g of %.10g %s; %s, or ask the operator to raise "
+      "--client-%s",
+      kind.name, client, used, limit, kind.what, kind.advice, kind.name));
+}
+
 void OwnerUse::add(const JobSpec& spec) {
   const JobSize size = max_job_size(spec);
   ++jobs;
@@ -49,16 +85,30 @@ void OwnerUse::add(const JobSpec& spec) {
   samples += size.samples;
 }
 
-absl::Status check_quota(const ClientQuota& quota, OwnerUse use, const JobSpec& spec) {
+OwnerUse& OwnerUse::operator+=(const OwnerUse& other) {
+  jobs += other.jobs;
+  store_bytes += other.store_bytes;
+  samples += other.samples;
+  kept_bytes += other.kept_bytes;
+  return *this;
+}
+
+double OwnerUse::of(const QuotaKind& kind) const {
+  if (kind.member == &ClientQuota::jobs) return static_cast<double>(jobs);
+  if (kind.member == &ClientQuota::gigasamples) return samples / kGiga;
+  if (kind.member == &ClientQuota::gb) return store_bytes / kGiga;
+  if (kind.member == &ClientQuota::stored_gb) return (store_bytes + kept_bytes) / kGiga;
+  return 0;
+}
+
+absl::Status check_quota(const ClientQuota& quota, OwnerUse use, const JobSpec& spec,
+                         const QuotaKind** refused) {
   use.add(spec);
-  if (quota.jobs > 0 && use.jobs > quota.jobs) {
-    return exceeded("jobs", static_cast<double>(use.jobs), static_cast<double>(quota.jobs));
-  }
-  if (quota.samples > 0 && use.samples > quota.samples) {
-    return exceeded("samples (pixels x samples per pixel)", use.samples, quota.samples);
-  }
-  if (quota.store_bytes > 0 && use.store_bytes > static_cast<double>(quota.store_bytes)) {
-    return exceeded("bytes of store", use.store_bytes, static_cast<double>(quota.store_bytes));
+  for (const QuotaKind& kind : kQuotaKinds) {
+    const double limit = quota.*kind.member;
+    if (limit == 0 || use.of(kind) <= limit) continue;
+    if (refused != nullptr) *refused = &kind;
+    return over_quota(spec.owner, kind, use.of(kind), limit);
   }
   return absl::OkStatus();
 }

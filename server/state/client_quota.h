@@ -1,6 +1,10 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
+#include <map>
+#include <string>
 
 #include "absl/status/status.h"
 #include "server/schedule/plan/job_spec.h"
@@ -14,23 +18,62 @@ struct JobSize {
 };
 JobSize max_job_size(const JobSpec& spec);
 
-/// Limits of the sum over an owner's unfinished jobs. 0: unlimited.
+/// What a client may use at most; 0: unlimited. The server's options --client-NAME set them.
 struct ClientQuota {
-  std::int64_t jobs = 0;
-  std::int64_t store_bytes = 0;
-  double samples = 0;
-  bool has_limits() const { return jobs > 0 || store_bytes > 0 || samples > 0; }
+  double jobs = 0;                 // unfinished
+  double gigasamples = 0;          // pixels × samples of unfinished jobs, 10⁹
+  double gb = 0;                   // store that unfinished jobs may need
+  double stored_gb = 0;            // scene files and results, and what unfinished jobs may need
+  double streams = 8;              // open at once
+  double event_subscriptions = 4;  // streams of events among them
+  double calls = 500;              // per second
+  double upload_gb = 50;           // per hour
 };
 
-/// Sum over an owner's unfinished jobs.
+/// A kind of quota.
+struct QuotaKind {
+  const char* name;             // of the option --client-NAME
+  double ClientQuota::*member;  // the limit
+  const char* what;             // with "uses 3 of 4 WHAT" in messages
+  const char* advice;           // what a client over the limit can do
+};
+inline constexpr std::size_t kQuotaKindCount = 8;
+/// All kinds, in the order of ClientQuota's members.
+extern const std::array<QuotaKind, kQuotaKindCount> kQuotaKinds;
+/// Returns the kind of a member. Requires a member of ClientQuota.
+const QuotaKind& quota_kind(double ClientQuota::*member);
+
+/// The quotas of all clients.
+struct ClientQuotas {
+  ClientQuota defaults = {};
+  std::map<std::string, ClientQuota> by_client = {};  // of clients that have others
+
+  const ClientQuota& of(const std::string& client) const {
+    const auto found = by_client.find(client);
+    return found == by_client.end() ? defaults : found->second;
+  }
+  /// Returns the largest limit of a kind; 0: unlimited for some client.
+  double largest(double ClientQuota::*member) const;
+};
+
+/// Returns ResourceExhausted with the quota, its limit, the use and what to do.
+absl::Status over_quota(const std::string& client, const QuotaKind& kind, double used,
+                        double limit);
+
+/// What a client uses of its quotas by its jobs and files.
 struct OwnerUse {
-  std::int64_t jobs = 0;
-  double store_bytes = 0, samples = 0;
+  std::int64_t jobs = 0;                // unfinished
+  double store_bytes = 0, samples = 0;  // what these may need
+  double kept_bytes = 0;                // scene files, and results of ended jobs
   void add(const JobSpec& spec);
+  OwnerUse& operator+=(const OwnerUse& other);
+  /// Returns the use in the quota's unit; 0 for kinds that are not about jobs and files.
+  double of(const QuotaKind& kind) const;
 };
 
-/// Checks that an owner with this use may have another job. Errors: ResourceExhausted, with the
-/// limit and the total.
-absl::Status check_quota(const ClientQuota& quota, OwnerUse use, const JobSpec& spec);
+/// Checks that `client` with this use may have another job. Errors: ResourceExhausted, see
+/// over_quota(); `refused` is set to the kind unless it is null.
+absl::Status check_quota(const ClientQuota& quota, OwnerUse use, const JobSpec& spec,
+                         const QuotaKind** refused = nullptr);
 
 }  // namespace tessera::server

@@ -23,7 +23,7 @@ struct FarmOptions {
   std::int64_t quota_bytes = std::int64_t{1} << 40;     // of the store
   std::int64_t asset_quota_bytes = std::int64_t{64} << 30;
   std::int64_t job_retention_us = 0;  // age after its end at which a job is removed; 0: never
-  ClientQuota client_quota;
+  ClientQuotas client_quotas;
   Duration tick_period = std::chrono::milliseconds(100);
   std::function<Time()> clock;  // monotonic
   /// Wall clock, µs since 1970: for time stamps, and for the age of jobs that ended before a start.

@@ -41,7 +41,11 @@ FarmState::FarmState(const Store& store, FarmOptions options,
     : options_(std::move(options)),
       events_(store.boot_count(), options_.wall_us),
       scheduler_({store.id(), store.key(), store.boot_count()}, options_.policy, roster,
-                 options_.clock()) {}
+                 options_.clock()) {
+  for (const QuotaKind& kind : kQuotaKinds) {
+    options_.metrics->quota_refusals.Add({{"quota", kind.name}});
+  }
+}
 
 void FarmState::log(LogLevel level, const std::string& message) const {
   if (options_.log) options_.log(level, message);
@@ -85,6 +89,16 @@ JobRecord FarmView::record(const Job& job) const {
   return film(job).record(job, now());
 }
 
+OwnerUse FarmView::owner_use(const std::string& owner) const ABSL_NO_THREAD_SAFETY_ANALYSIS {
+  const Demand demand = scheduler().demand(owner);
+  OwnerUse use;
+  use.jobs = demand.jobs;
+  use.store_bytes = demand.store_bytes;
+  use.samples = demand.samples;
+  use.kept_bytes = static_cast<double>(farm_.kept_.of_owner(owner));
+  return use;
+}
+
 void FarmView::log(LogLevel level, std::string message) {
   after_unlocking([&farm = farm_, level, text = std::move(message)] { farm.log(level, text); });
 }
@@ -126,7 +140,15 @@ void FarmChange::note_state(const Job& job) {
   if (job.state == JobState::done) {  // its blocks are no longer needed
     its_film.grid.reset();
     its_film.block_index.reset();
+    its_film.block_bytes = 0;
   }
+  note_kept(job);
+}
+
+void FarmChange::note_kept(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {
+  const JobFilm& its_film = film(job);
+  state_.kept_.set(job.key, job.spec->owner,
+                   has_ended(job.state) ? its_film.image_bytes + its_film.block_bytes : 0);
 }
 
 Job* FarmChange::find_job(const std::string& job_id) {
@@ -154,6 +176,7 @@ void FarmChange::note_demand(Job& job) {
 void FarmChange::remove_job(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {
   const JobKey key = job.key;
   state_.index_.remove(key, *job.spec);
+  state_.kept_.remove(key);
   state_.films_.erase(key);
   scheduler().remove_job(key);
 }

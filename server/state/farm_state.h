@@ -14,6 +14,7 @@
 #include "server/state/farm_options.h"
 #include "server/state/job_film.h"
 #include "server/state/job_index.h"
+#include "server/state/kept_results.h"
 #include "server/store/store.h"
 #include "server/sync/mutex.h"
 #include "server/telemetry/event_log.h"
@@ -66,6 +67,7 @@ class FarmState {
   Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
   std::map<JobKey, JobFilm> films_ ABSL_GUARDED_BY(mutex_);
   JobIndex index_ ABSL_GUARDED_BY(mutex_);
+  KeptResults kept_ ABSL_GUARDED_BY(mutex_);
 };
 
 /// A locked section that reads the farm's state.
@@ -88,6 +90,13 @@ class ABSL_SCOPED_LOCKABLE FarmView {
   static PauseCause pause_cause(const Job& job);
   /// Returns the job's row.
   JobRecord record(const Job& job) const;
+  const FarmOptions& options() const { return farm_.options(); }
+  /// Returns what the owner's jobs use of its quotas; scene files are not in it.
+  OwnerUse owner_use(const std::string& owner) const;
+  /// Returns what an ended job keeps on disk; 0 for another.
+  std::int64_t kept_bytes(const Job& job) const ABSL_NO_THREAD_SAFETY_ANALYSIS {
+    return farm_.kept_.of_job(job.key);
+  }
 
   /// Makes a call after unlocking: it may wait, or take this lock.
   void after_unlocking(std::function<void()> call) { calls_.push_back(std::move(call)); }
@@ -116,6 +125,8 @@ class ABSL_SCOPED_LOCKABLE FarmChange : public FarmView {
   Job& add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobState state);
   /// Tells the scheduler what a job with new settings may need at most, for its owner's quota.
   void note_demand(Job& job);
+  /// Counts what an ended job keeps on disk for its owner's quota.
+  void note_kept(const Job& job);
   /// Forgets an ended job.
   void remove_job(const Job& job);
   /// Pauses a job because the disk is full. Does nothing for an ended or paused job.

@@ -29,6 +29,7 @@ std::int64_t JobFilm::unit_samples(Job& job, const Unit& unit) {
 }
 
 void JobFilm::count_finished(const FrameRecord& record, const FrameSummary& summary) {
+  image_bytes += record.image_bytes - finished[record.frame].image_bytes;
   FrameRecord& kept = finished[record.frame] = record;
   kept.statistics_json.clear();
   if (summary.estimated_error) estimated_error = summary.estimated_error;
@@ -46,6 +47,7 @@ void JobFilm::reset() {
   expected_samples.clear();
   certainty.reset();
   committed_samples = finished_samples = 0;
+  image_bytes = 0;
 }
 
 std::int64_t JobFilm::sample_count(const Job& job) const {

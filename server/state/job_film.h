@@ -30,6 +30,10 @@ struct JobFilm {
   std::map<std::int32_t, std::int64_t> expected_samples;
   std::optional<Certainty> certainty;  // the worst of the finished frames
 
+  // On disk: images of finished frames, and committed blocks, until the job is DONE. Those of units
+  // that are rendered again count twice until the server restarts.
+  std::int64_t image_bytes = 0, block_bytes = 0;
+
   std::vector<std::string> warnings;  // frames finished with units of a faulty worker
 
   double wall_at_start = 0;

@@ -61,6 +61,13 @@ JobKey JobIndex::newest_named(const std::string& name, const std::string& owner)
   return 0;
 }
 
+std::vector<std::string> JobIndex::owners() const {
+  std::vector<std::string> names;
+  names.reserve(by_owner_.size());
+  for (const auto& [owner, keys] : by_owner_) names.push_back(owner);
+  return names;
+}
+
 const std::set<JobKey>& JobIndex::of_owner(const std::string& owner) const {
   const auto found = by_owner_.find(owner);
   return found == by_owner_.end() ? none_ : found->second;

@@ -28,6 +28,8 @@ class JobIndex {
   JobKey newest_named(const std::string& name, const std::string& owner) const;
   /// Returns the owner's jobs.
   const std::set<JobKey>& of_owner(const std::string& owner) const;
+  /// Returns the owners of jobs.
+  std::vector<std::string> owners() const;
 
  private:
   struct Entry {

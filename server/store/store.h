@@ -64,7 +64,8 @@ struct FrameRecord {
   std::int32_t frame = 0;
   std::string file;  // name within the job's output directory
   contract::Digest file_sha256, pixels_sha256;
-  std::string statistics_json;  // a FrameSummary
+  std::string statistics_json;   // a FrameSummary
+  std::int64_t image_bytes = 0;  // of a frame that is being finished; not read back
 };
 
 /// Which settings of the farm; the numbers are stored.

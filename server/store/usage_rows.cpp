@@ -32,6 +32,23 @@ absl::StatusOr<std::vector<UsageSum>> UsageRows::read(const UsageQuery& query,
   return sums;
 }
 
+absl::StatusOr<std::map<std::int64_t, UsageStore::Kept>> UsageRows::kept() const {
+  std::map<std::int64_t, Kept> jobs;
+  absl::Status status = journal_.read([&](Database& rows) {
+    return rows.each(
+        "SELECT job, SUM(image_bytes), SUM(block_bytes) FROM ("
+        "SELECT job, bytes AS image_bytes, 0 AS block_bytes FROM frames UNION ALL "
+        "SELECT job, LENGTH(image), 0 FROM images UNION ALL "
+        "SELECT job, 0, bytes FROM segments UNION ALL "
+        "SELECT job, 0, LENGTH(block) FROM blocks) GROUP BY job",
+        {}, [&](const SqlRow& row) {
+          jobs[row.integer(0)] = {row.integer(1), row.integer(2)};
+        });
+  });
+  if (!status.ok()) return status;
+  return jobs;
+}
+
 absl::StatusOr<double> UsageRows::cpu_seconds(const UsageQuery& query) const {
   double sum = 0;
   absl::Status status = journal_.read_as_writer([&](Database& rows) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <vector>
 
 #include "contract/unit.h"
@@ -16,6 +17,7 @@ class UsageRows final : public UsageStore {
 
   absl::StatusOr<std::vector<UsageSum>> read(const UsageQuery& query,
                                              std::size_t limit) const override;
+  absl::StatusOr<std::map<std::int64_t, Kept>> kept() const override;
   absl::StatusOr<double> cpu_seconds(const UsageQuery& query) const override;
 
   // Parts of the transactions that add and remove units. `job`: jobs.sequence.

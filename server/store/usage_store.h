@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -40,6 +41,12 @@ class UsageStore {
   /// Returns up to `limit` groups by owner, project, job. Any thread; may be slow.
   virtual absl::StatusOr<std::vector<UsageSum>> read(const UsageQuery& query,
                                                      std::size_t limit) const = 0;
+  /// What a job keeps on disk.
+  struct Kept {
+    std::int64_t image_bytes = 0, block_bytes = 0;
+  };
+  /// Returns what each job keeps, by JobRecord::sequence; jobs that keep nothing may be missing.
+  virtual absl::StatusOr<std::map<std::int64_t, Kept>> kept() const = 0;
   /// Returns the sum of what matches, on the writing thread.
   virtual absl::StatusOr<double> cpu_seconds(const UsageQuery& query) const = 0;
 };

@@ -136,6 +136,12 @@ FarmMetrics::FarmMetrics()
       budget_used_fraction(gauges(registry_, "tessera_budget_used_fraction",
                                   "Part of the budget that is used in its period"),
                            "account"),
-      paused_jobs(paused_job_gauges(registry_)) {}
+      paused_jobs(paused_job_gauges(registry_)),
+      quota_used_fraction(
+          gauges(registry_, "tessera_client_quota_used_fraction",
+                 "Part that the client uses of its fullest quota of jobs and files"),
+          "client"),
+      quota_refusals(counters(registry_, "tessera_quota_refusals_total",
+                              "Requests of clients over a quota")) {}
 
 }  // namespace tessera::server

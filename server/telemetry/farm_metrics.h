@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstddef>
+#include <string>
 #include <vector>
 
 #include "server/schedule/workers/worker.h"
@@ -58,6 +59,14 @@ class FarmMetrics {
   } limits;                                       // by name
   LabelledGauges budget_used_fraction;            // by account
   std::array<prometheus::Gauge*, 3> paused_jobs;  // by PauseCause − 1
+  /// By client: the part of its quota that is used most; of jobs and files.
+  LabelledGauges quota_used_fraction;
+
+  /// Requests that were refused, by quota.
+  prometheus::Family<prometheus::Counter>& quota_refusals;
+  void quota_refused(const std::string& quota) {
+    quota_refusals.Add({{"quota", quota}}).Increment();
+  }
 
   prometheus::Counter& acknowledgement(AckStatus status) {
     return *acknowledgements[static_cast<std::size_t>(status) - 1];

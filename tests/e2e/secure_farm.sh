@@ -30,7 +30,8 @@ equal "a token's file is private" "$(stat -c %a "$worker_token")" 600
 secret=$(cut -c10- "$worker_token")
 [ "${#secret}" -eq 64 ] || fail "no secret to look for"
 ! grep -rF -- "$secret" "$work/store" || fail "the token's secret is in the store"
-worker=(tessera-worker --server "$address" --certs "$certs/worker-rack" --threads 1)
+worker=(tessera-worker --server "$address" --certs "$certs/worker-rack" --threads 1
+  --memory-mb 4000)
 exits 3 "${worker[@]}" --cache "$work/cache-none"
 says "join token"
 "${worker[@]}" --name one --cache "$work/cache-one" --token "$worker_token" --log-level debug \
@@ -41,6 +42,11 @@ exits 3 "${worker[@]}" --cache "$work/cache-two" --token "$worker_token"
 says "used up"
 renderer=$(children_of "${worker_pid[one]}")
 equal "its renderer is confined" "$(awk '/^Seccomp:/ {print $2}' "/proc/$renderer/status")" 2
+equal "it gains no privileges" "$(awk '/^NoNewPrivs:/ {print $2}' "/proc/$renderer/status")" 1
+equal "its files are limited" "$(awk '/^Max file size/ {print $4, $5}' "/proc/$renderer/limits")" \
+  "68719476736 68719476736"
+equal "its memory is limited" "$(awk '/^Max data size/ {print $4, $5}' "/proc/$renderer/limits")" \
+  "4000000000 4000000000"
 say "a token lets in as many workers as it says"
 
 scene=$scenes/lit_square.gltf

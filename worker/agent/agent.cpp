@@ -17,12 +17,13 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "rpc/certificate_dates.h"
-#include "rpc/channel.h"
-#include "rpc/connection_driver.h"
+#include "rpc/certificate_renewer.h"
 #include "rpc/protocol_version.h"
 #include "telemetry/metrics/listener.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
+#include "worker/agent/server/job_fetcher.h"
 #include "worker/agent/server/job_log.h"
+#include "worker/agent/server/server_channel.h"
 #include "worker/agent/server/server_connection.h"
 #include "worker/agent/signal_handler.h"
 #include "worker/agent/supervisor/renderer_supervisor.h"
@@ -116,25 +117,28 @@ absl::StatusOr<RendererProcess::Child> fork_renderer(const AgentOptions& options
 class Agent {
  public:
   Agent(AgentOptions options, RendererProcess::Child renderer,
-        const std::shared_ptr<grpc::Channel>& channel, std::unique_ptr<AssetCache> cache,
-        UnitLog log, AgentMetrics& metrics)
+        std::unique_ptr<ServerChannel> channel, std::unique_ptr<AssetCache> cache, UnitLog log,
+        AgentMetrics& metrics)
       : options_(std::move(options)),
-        workers_(v1::WorkerService::NewStub(channel)),
-        assets_(v1::AssetService::NewStub(channel)),
+        channel_(std::move(channel)),
         cache_(std::move(cache)),
         log_(std::move(log)),
         metrics_(metrics),
         supervisor_(supervisor_options(options_, [this](auto... line) { log_job_line(line...); }),
                     std::move(renderer), queue_, log_, event_loop_, supervisor_callbacks()),
-        connection_(*workers_, connection_options(), queue_, event_loop_, connection_callbacks()),
-        fetcher_(*workers_, *assets_, *cache_, metrics_, options_.token,
+        connection_(*channel_, connection_options(), queue_, event_loop_, connection_callbacks()),
+        fetcher_(*channel_, *cache_, metrics_, options_.token,
                  [this](std::string job_id, absl::StatusOr<JobInputs> files) {
                    // std::function requires copies, and JobInputs cannot be copied.
                    auto shared = std::make_shared<absl::StatusOr<JobInputs>>(std::move(files));
                    event_loop_.post([this, job_id = std::move(job_id), shared] {
                      supervisor_.job_fetched(job_id, std::move(*shared));
                    });
-                 }) {}
+                 }) {
+    if (!options_.certs.empty()) {
+      renewer_ = std::make_unique<contract::CertificateRenewer>(renewer_options());
+    }
+  }
 
   absl::Status run() {
     const SignalHandler signals([this] { event_loop_.post([this] { drain("signal received"); }); });
@@ -194,6 +198,37 @@ class Agent {
     };
     options.log = options_.log;
     return options;
+  }
+
+  contract::CertificateRenewer::Options renewer_options() {
+    contract::CertificateRenewer::Options options;
+    options.folder = options_.certs;
+    options.channel = [this] { return channel_->channel(); };
+    options.renewed = [this] { event_loop_.post([this] { use_new_certificate(); }); };
+    options.failed = [this](const absl::Status& status) {
+      event_loop_.post([this, status] { note_failed_renewal(status); });
+    };
+    return options;
+  }
+
+  /// Connects again: the present connection has the old certificate, and ends with it.
+  void use_new_certificate() {
+    last_renewal_error_.clear();
+    const absl::Status status = channel_->reopen();
+    if (!status.ok()) {
+      options_.log(LogLevel::warn,
+                   absl::StrCat("cannot use the new certificate: ", std::string(status.message())));
+      return;
+    }
+    options_.log(LogLevel::info, "the certificate has been renewed; connecting with the new one");
+    renewal_ = contract::CertificateRenewal(options_.certs);
+    connection_.reconnect();
+  }
+
+  void note_failed_renewal(const absl::Status& status) {
+    const std::string message(status.message());
+    if (std::exchange(last_renewal_error_, message) == message) return;
+    options_.log(LogLevel::warn, absl::StrCat("the certificate cannot be renewed yet: ", message));
   }
 
   /// Warns once a day of certificates that end soon.
@@ -351,9 +386,9 @@ class Agent {
 
   const AgentOptions options_;
   contract::CertificateRenewal renewal_{options_.certs};
+  std::string last_renewal_error_;  // logged
   Time certificates_due_{};
-  const std::unique_ptr<v1::WorkerService::Stub> workers_;
-  const std::unique_ptr<v1::AssetService::Stub> assets_;
+  const std::unique_ptr<ServerChannel> channel_;
   const std::unique_ptr<AssetCache> cache_;
   UnitLog log_;
   AgentMetrics& metrics_;
@@ -365,7 +400,9 @@ class Agent {
   std::optional<absl::Status> end_;
   RendererSupervisor supervisor_;
   ServerConnection connection_;
-  JobFetcher fetcher_;  // last: its thread ends before the members it posts to
+  // Last: their threads end before the members they post to.
+  JobFetcher fetcher_;
+  std::unique_ptr<contract::CertificateRenewer> renewer_;  // null without certificates
 };
 
 }  // namespace
@@ -386,7 +423,7 @@ absl::Status run_agent(const AgentOptions& given) {
   auto renderer = fork_renderer(options);
   if (!renderer.ok()) return renderer.status();
   SignalHandler::block_signals();
-  auto channel = contract::open_channel(options.server, options.certs);  // starts threads
+  auto channel = ServerChannel::open(options.server, options.certs);  // starts threads
   if (!channel.ok()) return channel.status();
   AgentMetrics metrics;
   metrics.threads.Set(options.thread_count);
@@ -398,9 +435,7 @@ absl::Status run_agent(const AgentOptions& given) {
     listener = *std::move(started);
     options.log(LogLevel::info, absl::StrCat("metrics: http://", listener->address(), "/metrics"));
   }
-  std::optional<contract::ConnectionDriver> driver;
-  if (!options.certs.empty()) driver.emplace(*channel);
-  return Agent(std::move(options), *std::move(renderer), *channel, *std::move(cache),
+  return Agent(std::move(options), *std::move(renderer), *std::move(channel), *std::move(cache),
                std::move(log), metrics)
       .run();
 }

@@ -4,6 +4,7 @@
 #include <grpcpp/security/auth_context.h>
 
 #include <chrono>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "contract/digest.h"
@@ -44,6 +45,7 @@ constexpr AccessRule kRules[] = {
     {"WorkerService.MoveWorker", false, false, false},
     {"WorkerService.SetAsideWorker", false, false, false},
     {"WorkerService.BringBackWorker", false, false, false},
+    {"CertificateService.RenewCertificate", true, true, false},
     {"FarmService.SetLimit", false, false, false},
     {"FarmService.RemoveLimit", false, false, false},
     {"FarmService.ListLimits", true, false, false},
@@ -51,7 +53,10 @@ constexpr AccessRule kRules[] = {
     {"FarmService.RemoveBudget", false, false, false},
     {"FarmService.ListBudgets", true, false, false},
     {"FarmService.ListUsage", true, false, false},
+    {"FarmService.ListQuotas", true, false, false},
 };
+
+constexpr std::string_view kEventRpc = "JobService.WatchEvents";
 
 using Clock = std::chrono::steady_clock;
 
@@ -85,8 +90,11 @@ std::string sent_token(const grpc::CallbackServerContext& context) {
   return {sent->second.data(), sent->second.size()};
 }
 
-Access::Access(std::unique_ptr<Revocations> revocations, ClientRates rates)
-    : revocations_(std::move(revocations)), limits_(std::make_unique<ClientLimits>(rates)) {}
+Access::Access(std::unique_ptr<Revocations> revocations, ClientQuotas quotas,
+               std::function<void(const QuotaKind&)> refused)
+    : revocations_(std::move(revocations)),
+      limits_(std::make_unique<ClientLimits>(std::move(quotas), std::move(refused))),
+      streams_(std::make_unique<OpenStreams>()) {}
 
 absl::StatusOr<Caller> Access::identify(const grpc::CallbackServerContext& context) const {
   if (revocations_) {
@@ -111,7 +119,7 @@ absl::StatusOr<Caller> Access::identify(const grpc::CallbackServerContext& conte
   return absl::UnauthenticatedError("wrong token: this server's is in STORE/token");
 }
 
-absl::StatusOr<Caller> Access::admit(const grpc::CallbackServerContext& context,
+absl::StatusOr<Caller> Access::admit(grpc::CallbackServerContext& context,
                                      std::string_view rpc) const {
   auto caller = identify(context);
   if (!caller.ok()) return caller;
@@ -124,17 +132,34 @@ absl::StatusOr<Caller> Access::admit(const grpc::CallbackServerContext& context,
                                                     caller->identity->name, " may not call ",
                                                     std::string(rpc)));
   }
-  if (!is_client(*caller)) return caller;
-  if (absl::Status status = limits_->count_call(caller->identity->name, Clock::now());
-      !status.ok()) {
-    return status;
+  std::shared_ptr<const void> reservation;
+  if (is_client(*caller)) {
+    const std::string& client = caller->identity->name;
+    if (absl::Status status = limits_->count_call(client, Clock::now()); !status.ok()) {
+      context.AddTrailingMetadata(contract::kRetryKey, "");
+      return status;
+    }
+    if (rule->is_stream) {
+      auto reserved = limits_->reserve_stream(client, rpc == kEventRpc);
+      if (!reserved.ok()) return reserved.status();
+      reservation = *std::move(reserved);
+    }
   }
-  if (rule->is_stream) {
-    auto reservation = limits_->reserve_stream(caller->identity->name);
-    if (!reservation.ok()) return reservation.status();
-    caller->stream = *std::move(reservation);
+  if (rule->is_stream && caller->identity) {
+    using Places = std::pair<std::shared_ptr<const void>, std::shared_ptr<const void>>;
+    caller->stream = std::make_shared<const Places>(streams_->add(context, *caller->identity),
+                                                    std::move(reservation));
   }
   return caller;
+}
+
+void Access::cut_refused_streams() const {
+  if (!streams_) return;
+  streams_->cut_refused(
+      [this](const Identity& identity) {
+        return recheck(Caller{identity, nullptr}).ok();
+      },
+      Clock::now());
 }
 
 absl::Status Access::count_upload(const Caller& caller, std::int64_t bytes) const {

@@ -3,9 +3,8 @@
 #include <grpcpp/server_context.h>
 
 #include <cstdint>
-#include <map>
+#include <functional>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -14,6 +13,7 @@
 #include "server/identity/identity.h"
 #include "server/identity/revocations.h"
 #include "server/service/access/client_limits.h"
+#include "server/service/access/open_streams.h"
 
 namespace tessera::server {
 
@@ -22,8 +22,9 @@ struct Caller {
   /// From its certificate; absent on a Unix socket and with the store's token, where every caller
   /// is the user who runs the farm and may do everything.
   std::optional<Identity> identity;
-  /// Reservation in the client's stream limit, released with the last copy. Null for unary calls
-  /// and non-clients.
+  /// Its place in the table of open streams and, for a client, in its quotas; released with the
+  /// last copy, which must be in OnDone at the latest. Null for unary calls and without a
+  /// certificate.
   std::shared_ptr<const void> stream;
 
   /// Owner of the jobs it creates.
@@ -54,19 +55,25 @@ class Access {
   /// `token` is empty for a Unix socket.
   explicit Access(std::string token) : token_(std::move(token)) {}
   /// Callers have certificates, which TLS has verified.
-  explicit Access(std::unique_ptr<Revocations> revocations, ClientRates rates = {});
+  explicit Access(std::unique_ptr<Revocations> revocations, ClientQuotas quotas = {},
+                  std::function<void(const QuotaKind&)> refused = {});
 
   /// Identifies the caller and checks that it may call `rpc`.
   ///
   /// Errors: Unauthenticated, no token or a wrong one, or a certificate that is revoked, expired or
   /// without a role; PermissionDenied, the role may not call it; ResourceExhausted, this client has
-  /// too many open streams; Unavailable, it calls too often.
-  absl::StatusOr<Caller> admit(const grpc::CallbackServerContext& context,
-                               std::string_view rpc) const;
-  /// Checks that a caller admitted earlier is still allowed; for long streams.
+  /// too many open streams or calls too often. Answer with finish() or refuse() (service/finish.h).
+  absl::StatusOr<Caller> admit(grpc::CallbackServerContext& context, std::string_view rpc) const;
+  /// Checks that a caller admitted earlier is still allowed; for long streams, which can then end
+  /// with a status that says why.
   absl::Status recheck(const Caller& caller) const;
+  /// Ends the streams of callers whose certificates have been revoked or have expired, whatever
+  /// they wait for. Call about twice a second.
+  void cut_refused_streams() const;
   /// Counts bytes that a caller is about to upload. Errors: ResourceExhausted, limit exceeded.
   absl::Status count_upload(const Caller& caller, std::int64_t bytes) const;
+  /// The limits of clients; null without certificates.
+  const ClientLimits* limits() const { return limits_.get(); }
 
  private:
   absl::StatusOr<Caller> identify(const grpc::CallbackServerContext& context) const;
@@ -74,6 +81,7 @@ class Access {
   std::string token_;
   std::unique_ptr<Revocations> revocations_;  // null without certificates
   std::unique_ptr<ClientLimits> limits_;      // null without certificates
+  std::unique_ptr<OpenStreams> streams_;      // null without certificates
 };
 
 /// Returns the token in the caller's metadata; empty if there is none.

@@ -1,61 +1,109 @@
 #include "server/service/access/client_limits.h"
 
 #include <algorithm>
+#include <optional>
 
+#include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
 
 namespace tessera::server {
 namespace {
 
-constexpr double kBurstSeconds = 10, kSecondsPerHour = 3600;
+constexpr double kBurstSeconds = 10, kSecondsPerHour = 3600, kGiga = 1e9;
+constexpr char kPausePayload[] = "tessera/pause";
+constexpr std::chrono::milliseconds kPause{500};
 
 }  // namespace
 
-bool ClientLimits::Bucket::take(double amount, double capacity, double leak_per_s, Time now) {
+std::chrono::milliseconds pause_before_answer(const absl::Status& refusal) {
+  return refusal.GetPayload(kPausePayload).has_value() ? kPause : std::chrono::milliseconds(0);
+}
+
+double ClientLimits::Bucket::level_at(double leak_per_s, Time now) const {
   const std::chrono::duration<double> elapsed = now - updated;
-  level = std::max(0.0, level - elapsed.count() * leak_per_s);
+  return std::max(0.0, level - elapsed.count() * leak_per_s);
+}
+
+bool ClientLimits::Bucket::take(double amount, double capacity, double leak_per_s, Time now) {
+  level = level_at(leak_per_s, now);
   updated = now;
   if (level + amount > capacity) return false;
   level += amount;
   return true;
 }
 
-absl::StatusOr<std::shared_ptr<const void>> ClientLimits::reserve_stream(
-    const std::string& client) {
+absl::Status ClientLimits::refuse(const std::string& client, double ClientQuota::*member,
+                                  double used) const {
+  const QuotaKind& kind = quota_kind(member);
+  if (refused_) refused_(kind);
+  return over_quota(client, kind, used, quotas_.of(client).*member);
+}
+
+absl::StatusOr<std::shared_ptr<const void>> ClientLimits::reserve_stream(const std::string& client,
+                                                                         bool is_subscription) {
+  const ClientQuota& quota = quotas_.of(client);
   const std::lock_guard lock(uses_->mutex);
-  int& count = uses_->by_client[client].streams;
-  if (count >= kStreamsPerClient) {
-    return absl::ResourceExhaustedError(
-        absl::StrCat("client ", client, " has ", count, " open streams; close one first"));
+  Use& use = uses_->by_client[client];
+  if (quota.streams > 0 && use.streams + 1 > quota.streams) {
+    return refuse(client, &ClientQuota::streams, use.streams + 1);
   }
-  ++count;
-  return std::shared_ptr<const void>(nullptr, [uses = uses_, client](const void*) {
+  if (is_subscription && quota.event_subscriptions > 0 &&
+      use.subscriptions + 1 > quota.event_subscriptions) {
+    return refuse(client, &ClientQuota::event_subscriptions, use.subscriptions + 1);
+  }
+  ++use.streams;
+  if (is_subscription) ++use.subscriptions;
+  return std::shared_ptr<const void>(nullptr, [uses = uses_, client, is_subscription](const void*) {
     const std::lock_guard end_lock(uses->mutex);
-    --uses->by_client[client].streams;
+    Use& ended = uses->by_client[client];
+    --ended.streams;
+    if (is_subscription) --ended.subscriptions;
   });
 }
 
 absl::Status ClientLimits::count_call(const std::string& client, Time now) {
-  const double rate = rates_.calls_per_s;
+  const double rate = quotas_.of(client).calls;
   const std::lock_guard lock(uses_->mutex);
-  if (rate == 0 || uses_->by_client[client].calls.take(1, kBurstSeconds * rate, rate, now)) {
-    return absl::OkStatus();
-  }
-  return absl::UnavailableError(
-      absl::StrCat("client ", client, " exceeds ", rate, " calls per second; retry later"));
+  Use& use = uses_->by_client[client];
+  if (rate == 0 || use.calls.take(1, kBurstSeconds * rate, rate, now)) return absl::OkStatus();
+  absl::Status status = refuse(client, &ClientQuota::calls, (use.calls.level + 1) / kBurstSeconds);
+  status.SetPayload(kPausePayload, absl::Cord());
+  return status;
 }
 
 absl::Status ClientLimits::count_upload(const std::string& client, std::int64_t bytes, Time now) {
-  const double limit = rates_.upload_bytes_per_hour;
+  const double limit = quotas_.of(client).upload_gb, gb = static_cast<double>(bytes) / kGiga;
   const std::lock_guard lock(uses_->mutex);
-  if (limit == 0 || uses_->by_client[client].upload_bytes.take(static_cast<double>(bytes), limit,
-                                                               limit / kSecondsPerHour, now)) {
+  Use& use = uses_->by_client[client];
+  if (limit == 0 || use.uploads.take(gb, limit, limit / kSecondsPerHour, now)) {
     return absl::OkStatus();
   }
-  return absl::ResourceExhaustedError(
-      absl::StrCat("client ", client, " may upload ", limit / 1e9,
-                   " GB per hour (--client-upload-gb of the server); this file of ", bytes,
-                   " bytes exceeds that; retry later"));
+  return refuse(client, &ClientQuota::upload_gb, use.uploads.level + gb);
+}
+
+std::set<std::string> ClientLimits::clients() const {
+  std::set<std::string> names;
+  for (const auto& [client, quota] : quotas_.by_client) names.insert(client);
+  const std::lock_guard lock(uses_->mutex);
+  for (const auto& [client, use] : uses_->by_client) names.insert(client);
+  return names;
+}
+
+double ClientLimits::used(const std::string& client, const QuotaKind& kind, Time now) const {
+  const ClientQuota& quota = quotas_.of(client);
+  const std::lock_guard lock(uses_->mutex);
+  const auto found = uses_->by_client.find(client);
+  if (found == uses_->by_client.end()) return 0;
+  const Use& use = found->second;
+  if (kind.member == &ClientQuota::streams) return use.streams;
+  if (kind.member == &ClientQuota::event_subscriptions) return use.subscriptions;
+  if (kind.member == &ClientQuota::calls) {
+    return use.calls.level_at(quota.calls, now) / kBurstSeconds;
+  }
+  if (kind.member == &ClientQuota::upload_gb) {
+    return use.uploads.level_at(quota.upload_gb / kSecondsPerHour, now);
+  }
+  return 0;
 }
 
 }  // namespace tessera::server

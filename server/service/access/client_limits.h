@@ -2,37 +2,47 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "server/state/client_quota.h"
 
 namespace tessera::server {
 
-/// Rate limits per client; 0: unlimited.
-struct ClientRates {
-  double calls_per_s = 500;
-  double upload_bytes_per_hour = 50e9;
-};
+/// Returns how long to wait before a refusal is answered. A client that calls too often is slowed
+/// down by that: its connection has a limited number of calls in progress.
+std::chrono::milliseconds pause_before_answer(const absl::Status& refusal);
 
-/// Limits open streams, calls and uploaded bytes per client name over all its connections. Calls
-/// and bytes are leaky buckets: a burst may have ten seconds of calls or an hour of bytes.
-/// Thread-safe.
+/// Limits open streams, event subscriptions, calls and uploaded bytes per client name over all its
+/// connections. Calls and bytes are leaky buckets: a burst may have ten seconds of calls or an hour
+/// of bytes. Errors are ResourceExhausted, see over_quota(). Thread-safe.
 class ClientLimits {
  public:
   using Time = std::chrono::steady_clock::time_point;
-  static constexpr int kStreamsPerClient = 8;
+  /// `refused` is called with the kind of each refusal; may be empty.
+  explicit ClientLimits(ClientQuotas quotas = {},
+                        std::function<void(const QuotaKind&)> refused = {})
+      : quotas_(std::move(quotas)), refused_(std::move(refused)) {}
 
-  explicit ClientLimits(ClientRates rates = {}) : rates_(rates) {}
-
-  /// Reserves a stream until the result is destroyed. Errors: ResourceExhausted.
-  absl::StatusOr<std::shared_ptr<const void>> reserve_stream(const std::string& client);
-  /// Counts a call. Errors: Unavailable, retry after a pause.
+  /// Reserves a stream until the result is destroyed.
+  absl::StatusOr<std::shared_ptr<const void>> reserve_stream(const std::string& client,
+                                                             bool is_subscription);
+  /// Counts a call. The refusal has a pause.
   absl::Status count_call(const std::string& client, Time now);
-  /// Counts bytes about to be uploaded. Errors: ResourceExhausted, limit exceeded.
+  /// Counts bytes about to be uploaded.
   absl::Status count_upload(const std::string& client, std::int64_t bytes, Time now);
+
+  /// Returns the clients that have called and those with quotas of their own.
+  std::set<std::string> clients() const;
+  /// Returns a client's use in the quota's unit; of calls, those per second over about the last ten
+  /// seconds. 0 for kinds that are not limited here.
+  double used(const std::string& client, const QuotaKind& kind, Time now) const;
+  const ClientQuotas& quotas() const { return quotas_; }
 
  private:
   /// A leaky bucket. `level`: the amount that has not leaked yet.
@@ -40,17 +50,21 @@ class ClientLimits {
     double level = 0;
     Time updated;
     bool take(double amount, double capacity, double leak_per_s, Time now);
+    double level_at(double leak_per_s, Time now) const;
   };
   /// Use of one client.
   struct Use {
-    int streams = 0;
-    Bucket calls, upload_bytes;
+    double streams = 0, subscriptions = 0;
+    Bucket calls, uploads;  // calls, GB
   };
   struct Uses {
     std::mutex mutex;
     std::map<std::string, Use> by_client;  // by the certificate's name
   };
-  const ClientRates rates_;
+  absl::Status refuse(const std::string& client, double ClientQuota::*member, double used) const;
+
+  const ClientQuotas quotas_;
+  const std::function<void(const QuotaKind&)> refused_;
   const std::shared_ptr<Uses> uses_ =
       std::make_shared<Uses>();  // owners: this and the reservations
 };

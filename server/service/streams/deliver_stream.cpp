@@ -22,7 +22,8 @@ class DeliverStream final : public grpc::ServerReadReactor<v1::DeliverRequest> {
  public:
   DeliverStream(Coordinator& coordinator, const absl::StatusOr<Caller>& caller)
       : coordinator_(coordinator),
-        blocks_(coordinator, caller.ok() ? caller->certificate() : ""),
+        caller_(caller.value_or(Caller{})),
+        blocks_(coordinator, caller_.certificate()),
         handle_(std::make_shared<DeliverHandle>()) {
     handle_->stream = this;
     if (caller.ok()) {
@@ -73,6 +74,7 @@ class DeliverStream final : public grpc::ServerReadReactor<v1::DeliverRequest> {
   }
 
   Coordinator& coordinator_;
+  const Caller caller_;  // holds its place in the table of open streams
   BlockAssembly blocks_;
   v1::DeliverRequest request_;
   const std::shared_ptr<DeliverHandle> handle_;  // owners: this and pending callbacks

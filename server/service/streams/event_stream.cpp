@@ -4,6 +4,7 @@
 #include <mutex>
 
 #include "absl/strings/str_cat.h"
+#include "server/service/access/refusal.h"
 #include "server/service/messages/messages.h"
 #include "server/service/streams/polling_stream.h"
 
@@ -28,7 +29,7 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
     const std::lock_guard lock(mutex_);
     const std::int64_t newest = coordinator_.events().newest();
     if (!caller.ok()) {
-      finish(caller.status());
+      refuse(*this, caller.status());
     } else if (query_.after > newest) {
       finish(absl::OutOfRangeError(absl::StrCat("after_sequence ", query_.after,
                                                 " is newer than the last event ", newest,

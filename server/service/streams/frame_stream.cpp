@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "rpc/rpc_status.h"
+#include "server/service/access/refusal.h"
 #include "server/service/messages/messages.h"
 
 namespace tessera::server {
@@ -87,8 +88,10 @@ grpc::ServerWriteReactor<v1::FetchFrameResponse>* send_frame(Coordinator& coordi
                                                              const absl::StatusOr<Caller>& caller) {
   auto* stream = new FrameStream(io, caller.value_or(Caller{}));
   const auto query = from_message(request);
-  if (!caller.ok() || !query.ok()) {
-    stream->start(caller.ok() ? query.status() : caller.status());
+  if (!caller.ok()) {
+    refuse(*stream, caller.status());
+  } else if (!query.ok()) {
+    stream->start(query.status());
   } else {
     coordinator.images().fetch_frame(*query, [stream](const auto& file) { stream->start(file); });
   }

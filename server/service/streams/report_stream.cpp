@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "rpc/rpc_status.h"
+#include "server/service/access/refusal.h"
 
 namespace tessera::server {
 namespace {
@@ -30,7 +31,7 @@ class ReportStream final : public grpc::ServerWriteReactor<v1::GetJobReportRespo
     if (caller.ok()) {
       io.post([this, reader = std::move(read)] { start(reader()); });
     } else {
-      Finish(contract::to_rpc(caller.status()));
+      refuse(*this, caller.status());
     }
   }
 

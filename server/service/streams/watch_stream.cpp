@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "server/service/access/refusal.h"
 #include "server/service/messages/messages.h"
 #include "server/service/streams/polling_stream.h"
 
@@ -37,7 +38,7 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
         interval_(watch_interval(request)) {
     const std::lock_guard lock(mutex_);
     if (!caller.ok()) {
-      finish(caller.status());
+      refuse(*this, caller.status());
     } else {
       WatchStream::poll();
     }

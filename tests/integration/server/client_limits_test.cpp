@@ -5,6 +5,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <thread>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -18,20 +20,27 @@ using std::chrono::minutes;
 
 const ClientLimits::Time start_time{std::chrono::hours(1000)};
 
+ClientQuotas quotas_of(double calls, double upload_bytes) {
+  ClientQuota quota;
+  quota.calls = calls;
+  quota.upload_gb = upload_bytes / 1e9;
+  return {quota, {}};
+}
+
 TEST(ClientLimits, CallRateIsLimitedPerClient) {
-  ClientLimits limits({10, 0});
+  ClientLimits limits(quotas_of(10, 0));
   int taken = 0;
   for (int ms = 0; ms < 60'000; ms += 10) {  // 100 per second, for a minute
     taken += limits.count_call("ann", start_time + milliseconds(ms)).ok() ? 1 : 0;
   }
   EXPECT_NEAR(taken, 100 + 600, 2);  // a burst of 100, then ten per second
-  EXPECT_TRUE(absl::IsUnavailable(limits.count_call("ann", start_time + minutes(1))));
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.count_call("ann", start_time + minutes(1))));
   EXPECT_TRUE(limits.count_call("bob", start_time + minutes(1)).ok());
   EXPECT_TRUE(limits.count_call("ann", start_time + minutes(2)).ok());
 }
 
 TEST(ClientLimits, UploadedBytesAreLimitedPerHour) {
-  ClientLimits limits({0, 3600});  // a byte per second
+  ClientLimits limits(quotas_of(0, 3600));  // a byte per second
   EXPECT_TRUE(limits.count_upload("ann", 3000, start_time).ok());
   EXPECT_TRUE(absl::IsResourceExhausted(limits.count_upload("ann", 1000, start_time)));
   EXPECT_TRUE(limits.count_upload("bob", 3600, start_time).ok());
@@ -42,7 +51,7 @@ TEST(ClientLimits, UploadedBytesAreLimitedPerHour) {
 }
 
 TEST(ClientLimits, ZeroMeansUnlimited) {
-  ClientLimits limits({0, 0});
+  ClientLimits limits(quotas_of(0, 0));
   for (int i = 0; i < 10'000; ++i) EXPECT_TRUE(limits.count_call("ann", start_time).ok());
   EXPECT_TRUE(limits.count_upload("ann", std::int64_t{1} << 50, start_time).ok());
 }
@@ -50,29 +59,46 @@ TEST(ClientLimits, ZeroMeansUnlimited) {
 TEST(ClientLimits, ClosedStreamFreesItsReservation) {
   ClientLimits limits;
   std::vector<std::shared_ptr<const void>> reservations;
-  for (int i = 0; i < ClientLimits::kStreamsPerClient; ++i) {
-    reservations.push_back(*limits.reserve_stream("ann"));
-  }
-  EXPECT_TRUE(absl::IsResourceExhausted(limits.reserve_stream("ann").status()));
-  EXPECT_TRUE(limits.reserve_stream("bob").ok());
+  for (int i = 0; i < 8; ++i) reservations.push_back(*limits.reserve_stream("ann", false));
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.reserve_stream("ann", false).status()));
+  EXPECT_TRUE(limits.reserve_stream("bob", false).ok());
   reservations.pop_back();
-  EXPECT_TRUE(limits.reserve_stream("ann").ok());
+  EXPECT_TRUE(limits.reserve_stream("ann", false).ok());
 }
 
 class GreedyClient : public SecureFarm {
  protected:
-  GreedyClient() { rates_ = {1, static_cast<double>(2 * sizeof kScene - 4)}; }
+  GreedyClient() { quotas_ = quotas_of(1, static_cast<double>(2 * sizeof kScene - 4)); }
 };
 
 TEST_F(GreedyClient, ExcessCallsOfOneClientAreRefused) {
   const auto ann = channel("ann");
-  int refused = 0;
+  std::atomic<int> refused = 0;
+  std::vector<std::thread> callers;  // a refusal is answered late
   for (int i = 0; i < 40; ++i) {
-    refused += try_call(ann).error_code() == grpc::StatusCode::UNAVAILABLE ? 1 : 0;
+    callers.emplace_back([&] {
+      refused += try_call(ann).error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED ? 1 : 0;
+    });
   }
+  for (std::thread& caller : callers) caller.join();
   EXPECT_GE(refused, 20);
   EXPECT_TRUE(try_call("bob").ok());
   EXPECT_TRUE(try_call("root").ok());
+}
+
+TEST_F(GreedyClient, RefusalOfExcessCallIsAnsweredLate) {
+  const auto ann = channel("ann");
+  grpc::Status status;
+  auto begun = std::chrono::steady_clock::now();
+  for (int i = 0; i < 40 && status.ok(); ++i) {
+    begun = std::chrono::steady_clock::now();
+    status = try_call(ann);
+  }
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_GE(std::chrono::steady_clock::now() - begun, milliseconds(450));
+  EXPECT_EQ(status.error_message().find("quota calls: client ann would use 1."), 0u);
+  EXPECT_NE(status.error_message().find(" of 1 calls per second; retry later"), std::string::npos)
+      << status.error_message();
 }
 
 TEST_F(GreedyClient, ExcessUploadsAreRefused) {

@@ -17,9 +17,10 @@ namespace tessera::server {
 /// A coordinator with its threads over a store on disk, which survives it.
 class RunningCoordinator {
  public:
-  explicit RunningCoordinator(const std::string& folder, Log log = {})
+  explicit RunningCoordinator(const std::string& folder, Log log = {}, ClientQuotas quotas = {})
       : store_(Store::open(folder, real_filesystem()).value()),
-        coordinator_(Coordinator::open(*store_, options(std::move(log))).value()) {
+        coordinator_(
+            Coordinator::open(*store_, options(std::move(log), std::move(quotas))).value()) {
     writer_ = std::thread([this] {
       while (!coordinator_->is_stopping()) coordinator_->run_writer(true);
     });
@@ -41,8 +42,9 @@ class RunningCoordinator {
   Coordinator& coordinator() { return *coordinator_; }
 
  private:
-  static FarmOptions options(Log log) {
+  static FarmOptions options(Log log, ClientQuotas quotas) {
     FarmOptions options;
+    options.client_quotas = std::move(quotas);
     options.policy.restart_grace = std::chrono::milliseconds(50);
     options.policy.client_priority = 50;
     options.clock = [] { return std::chrono::steady_clock::now(); };

@@ -22,7 +22,7 @@
 namespace tessera::server {
 
 /// A server on loopback TCP with certificates for itself and its callers.
-class SecureFarm : public testing::Test {
+class SecureFarm : public ::testing::Test {
  protected:
   void SetUp() override {
     ASSERT_TRUE(make_authority(certs_, year()).ok());
@@ -31,7 +31,7 @@ class SecureFarm : public testing::Test {
     for (const char* name : {"w1", "w2"}) issue_to(Role::worker, name);
     issue_to(Role::admin, "root");
     running_ = std::make_unique<RunningCoordinator>(
-        store_, [this](LogLevel, const std::string& line) { note(line); });
+        store_, [this](LogLevel, const std::string& line) { note(line); }, quotas_);
     auto server = start_server(certs_);
     ASSERT_TRUE(server.ok()) << server.status();
     server_ = *std::move(server);
@@ -39,6 +39,15 @@ class SecureFarm : public testing::Test {
   void TearDown() override {
     server_.reset();
     running_.reset();
+  }
+
+  /// Ends the server and its coordinator and starts them again.
+  void restart() {
+    server_.reset();
+    running_.reset();  // only one process may hold the store
+    running_ = std::make_unique<RunningCoordinator>(
+        store_, [this](LogLevel, const std::string& line) { note(line); }, quotas_);
+    server_ = start_server(certs_).value();
   }
 
   static Validity year() {
@@ -50,7 +59,7 @@ class SecureFarm : public testing::Test {
     ASSERT_TRUE(issue(certs_, role, name, certs_of(name), year()).ok()) << name;
   }
   absl::StatusOr<std::unique_ptr<FarmServer>> start_server(const std::string& certs) {
-    return FarmServer::start(running_->coordinator(), {"127.0.0.1:0", store_, certs, rates_});
+    return FarmServer::start(running_->coordinator(), {"127.0.0.1:0", store_, certs, quotas_});
   }
 
   /// A new connection under the certificate issued to `name`.
@@ -139,7 +148,7 @@ class SecureFarm : public testing::Test {
   ScratchFolder scratch_;
   const std::string& folder_ = scratch_.path();
   const std::string certs_ = folder_ + "/farm", store_ = folder_ + "/store";
-  ClientRates rates_;
+  ClientQuotas quotas_;
   std::unique_ptr<RunningCoordinator> running_;
   std::unique_ptr<FarmServer> server_;
 

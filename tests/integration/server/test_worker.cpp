@@ -46,6 +46,11 @@ bool TestWorker::open() {
   return is_welcome;
 }
 
+grpc::Status TestWorker::finish_work() {
+  is_closed_ = true;
+  return work_->Finish();
+}
+
 grpc::Status TestWorker::close() {
   is_closed_ = true;
   if (deliver_) finish_deliver();

@@ -24,6 +24,8 @@ class TestWorker {
   std::string token, session_key;
   /// Sends hello; returns whether the server welcomed it.
   bool open();
+  /// Returns the status of Work, which the server has ended.
+  grpc::Status finish_work();
   /// Closes both streams; returns the status of Work.
   grpc::Status close();
 

@@ -128,7 +128,7 @@ class ServerConnectionTest : public testing::Test {
     address_ = "unix:" + folder_ + "/s";
     start_server();
     channel_ = *contract::open_channel(address_, "");
-    stub_ = v1::WorkerService::NewStub(channel_);
+    server_channel_ = std::make_unique<ServerChannel>(channel_);
   }
 
   ~ServerConnectionTest() override {
@@ -168,7 +168,7 @@ class ServerConnectionTest : public testing::Test {
       }
     };
     callbacks.refused = [this](const absl::Status& status) { refused_ = status; };
-    connection_ = std::make_unique<ServerConnection>(*stub_, options, queue_, event_loop_,
+    connection_ = std::make_unique<ServerConnection>(*server_channel_, options, queue_, event_loop_,
                                                      std::move(callbacks));
   }
 
@@ -211,7 +211,7 @@ class ServerConnectionTest : public testing::Test {
   std::string folder_, address_;
   std::unique_ptr<grpc::Server> server_;
   std::shared_ptr<grpc::Channel> channel_;
-  std::unique_ptr<v1::WorkerService::Stub> stub_;
+  std::unique_ptr<ServerChannel> server_channel_;
   UnitQueue queue_;
   EventLoop event_loop_;
   absl::Status refused_;

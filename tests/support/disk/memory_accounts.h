@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <deque>
+#include <map>
 #include <mutex>
 #include <string>
 #include <utility>
@@ -83,6 +84,8 @@ class MemoryUsage final : public UsageStore {
     }
     return sums;
   }
+  absl::StatusOr<std::map<std::int64_t, Kept>> kept() const override { return kept_; }
+  void set_kept(std::int64_t job, const Kept& kept) { kept_[job] = kept; }
   absl::StatusOr<double> cpu_seconds(const UsageQuery& query) const override {
     double sum = 0;
     for (const auto& [hour, use] : uses_) sum += matches(query, hour, use) ? use.cpu_seconds : 0;
@@ -97,6 +100,7 @@ class MemoryUsage final : public UsageStore {
   }
 
   std::vector<std::pair<std::int64_t, UsageSum>> uses_;  // by hour
+  std::map<std::int64_t, Kept> kept_;
 };
 
 }  // namespace tessera::server

@@ -21,10 +21,9 @@ constexpr int kMaxAssets = 100'000;
 
 }  // namespace
 
-JobFetcher::JobFetcher(v1::WorkerService::Stub& workers, v1::AssetService::Stub& assets,
-                       AssetCache& cache, AgentMetrics& metrics, std::string token, Done done)
-    : workers_(workers),
-      assets_(assets),
+JobFetcher::JobFetcher(ServerChannel& channel, AssetCache& cache, AgentMetrics& metrics,
+                       std::string token, Done done)
+    : channel_(channel),
       cache_(cache),
       metrics_(metrics),
       token_(std::move(token)),
@@ -70,7 +69,7 @@ absl::StatusOr<JobInputs> JobFetcher::fetch_once(const std::string& job_id) {
   request.set_job_id(job_id);
   v1::DescribeJobResponse response;
   absl::Status status = call(kCallTimeout, [&](grpc::ClientContext& context) {
-    return contract::from_rpc(workers_.DescribeJob(&context, request, &response));
+    return contract::from_rpc(channel_.workers()->DescribeJob(&context, request, &response));
   });
   if (!status.ok()) return status;
   auto settings = contract::from_message(response.settings());
@@ -108,7 +107,7 @@ absl::StatusOr<Descriptor> JobFetcher::fetch_asset(const v1::AssetId& id) {
       is_cached = false;
       v1::DownloadAssetRequest request;
       *request.mutable_asset() = id;
-      const auto stream = assets_.DownloadAsset(&context, request);
+      const auto stream = channel_.assets()->DownloadAsset(&context, request);
       v1::DownloadAssetResponse response;
       absl::Status kept;
       while (kept.ok() && stream->Read(&response)) kept = write(response.chunk());

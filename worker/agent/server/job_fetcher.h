@@ -16,6 +16,7 @@
 #include "tessera/v1/asset_service.grpc.pb.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
 #include "worker/agent/server/asset_cache.h"
+#include "worker/agent/server/server_channel.h"
 #include "worker/agent/units/agent_metrics.h"
 #include "worker/ipc/descriptor.h"
 
@@ -37,8 +38,8 @@ class JobFetcher {
   using Done = std::function<void(std::string job_id, absl::StatusOr<JobInputs> inputs)>;
 
   /// All arguments but `done` must outlive the fetcher.
-  JobFetcher(v1::WorkerService::Stub& workers, v1::AssetService::Stub& assets, AssetCache& cache,
-             AgentMetrics& metrics, std::string token, Done done);
+  JobFetcher(ServerChannel& channel, AssetCache& cache, AgentMetrics& metrics, std::string token,
+             Done done);
   /// Cancels the running call.
   ~JobFetcher();
   JobFetcher(const JobFetcher&) = delete;
@@ -56,8 +57,7 @@ class JobFetcher {
   absl::Status call(std::chrono::milliseconds timeout,
                     const std::function<absl::Status(grpc::ClientContext&)>& attempt);
 
-  v1::WorkerService::Stub& workers_;
-  v1::AssetService::Stub& assets_;
+  ServerChannel& channel_;
   AssetCache& cache_;
   AgentMetrics& metrics_;
   const std::string token_;

@@ -37,9 +37,9 @@ bool is_final(const absl::Status& status) {
 
 }  // namespace
 
-ServerConnection::ServerConnection(v1::WorkerService::Stub& stub, Options options, UnitQueue& queue,
+ServerConnection::ServerConnection(ServerChannel& channel, Options options, UnitQueue& queue,
                                    EventLoop& event_loop, Callbacks callbacks)
-    : stub_(stub),
+    : channel_(channel),
       options_(std::move(options)),
       queue_(queue),
       event_loop_(event_loop),
@@ -88,7 +88,7 @@ void ServerConnection::connect(Time now) {
     event_loop.post([this, status] { on_closed(status); });
   };
   const std::string& token = session_key_.empty() ? options_.token : session_key_;
-  work_ = std::make_unique<WorkStream>(stub_, token, std::move(listener));
+  work_ = std::make_unique<WorkStream>(*channel_.workers(), token, std::move(listener));
   v1::WorkRequest request;
   *request.mutable_hello() = callbacks_.hello();
   queue_.fill_hello(*request.mutable_hello(), callbacks_.window());
@@ -109,7 +109,8 @@ void ServerConnection::open_deliver() {
       deliver_.reset();
     });
   };
-  deliver_ = std::make_unique<DeliverStream>(stub_, options_.token, std::move(listener));
+  deliver_ =
+      std::make_unique<DeliverStream>(*channel_.workers(), options_.token, std::move(listener));
   is_first_request_ = true;
   deliver_cancelled_ = false;
   sending_.reset();
@@ -185,17 +186,21 @@ void ServerConnection::check_acknowledgements(Time now) {
 
 void ServerConnection::send_keepalive() {
   const auto limit = std::chrono::duration_cast<milliseconds>(timeout_ / 2);
-  keepalive_ =
-      std::make_unique<KeepaliveProbe>(stub_, options_.token, limit, [this](bool answered) {
-        event_loop_.post([this, answered] {
-          keepalive_.reset();
-          if (answered) last_response_at_ = Clock::now();
-        });
-      });
+  keepalive_ = std::make_unique<KeepaliveProbe>(*channel_.workers(), options_.token, limit,
+                                                [this](bool answered) {
+                                                  event_loop_.post([this, answered] {
+                                                    keepalive_.reset();
+                                                    if (answered) last_response_at_ = Clock::now();
+                                                  });
+                                                });
 }
 
 void ServerConnection::send(v1::WorkRequest request) {
   if (welcomed_) work_->send(std::move(request));
+}
+
+void ServerConnection::reconnect() {
+  if (work_ != nullptr) work_->cancel();  // on_closed() follows
 }
 
 void ServerConnection::finish() {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "telemetry/log/log.h"
+#include "worker/agent/server/server_channel.h"
 #include "worker/agent/server/worker_streams.h"
 #include "worker/agent/units/event_loop.h"
 #include "worker/agent/units/unit_queue.h"
@@ -42,8 +43,8 @@ class ServerConnection {
   };
 
   /// All references must outlive the connection.
-  ServerConnection(v1::WorkerService::Stub& stub, Options options, UnitQueue& queue,
-                   EventLoop& event_loop, Callbacks callbacks);
+  ServerConnection(ServerChannel& channel, Options options, UnitQueue& queue, EventLoop& event_loop,
+                   Callbacks callbacks);
 
   /// Connects, sends heartbeats and delivers blocks as due. Call after every change and at
   /// next_due().
@@ -52,6 +53,9 @@ class ServerConnection {
   /// Queues a message. Without a connection it is dropped: the next Hello contains the full state.
   void send(v1::WorkRequest request);
   bool connected() const { return welcomed_; }
+  /// Ends both streams and opens new ones, on the channel's present connection. Nothing is lost:
+  /// the worker lists what it has when it connects.
+  void reconnect();
   /// Closes both streams after their queued messages and opens no others.
   void finish();
   /// Returns whether no stream or call is open.
@@ -76,7 +80,7 @@ class ServerConnection {
   void check_acknowledgements(Time now);
   void send_keepalive();
 
-  v1::WorkerService::Stub& stub_;
+  ServerChannel& channel_;
   const Options options_;
   UnitQueue& queue_;
   EventLoop& event_loop_;

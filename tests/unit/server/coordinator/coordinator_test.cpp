@@ -419,7 +419,7 @@ TEST_F(CoordinatorTest, JobNeedsAssetsAndDiskSpace) {
 }
 
 TEST_F(CoordinatorTest, UnfinishedJobsPerOwnerAreLimited) {
-  options.client_quota.jobs = 2;
+  options.client_quotas.defaults.jobs = 2;
   start();
   const std::string one = create_job("one");
   create_job("two");
@@ -434,7 +434,7 @@ TEST_F(CoordinatorTest, UnfinishedJobsPerOwnerAreLimited) {
 }
 
 TEST_F(CoordinatorTest, SamplesPerOwnerAreLimited) {
-  options.client_quota.samples = 2.0 * 20 * 12 * 8;
+  options.client_quotas.defaults.gigasamples = 2.0 * 20 * 12 * 8 / 1e9;
   start();
   const std::string one = create_job("one", 8);
   EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("more", 12)).status()));
@@ -448,7 +448,8 @@ TEST_F(CoordinatorTest, SamplesPerOwnerAreLimited) {
 }
 
 TEST_F(CoordinatorTest, StoredBytesPerOwnerAreLimited) {
-  options.client_quota.store_bytes = max_job_size(spec_of("one")).store_bytes;
+  options.client_quotas.defaults.gb =
+      static_cast<double>(max_job_size(spec_of("one")).store_bytes) / 1e9;
   start();
   create_job("one");
   EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("two")).status()));

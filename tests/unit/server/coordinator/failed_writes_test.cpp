@@ -131,7 +131,7 @@ TEST_F(FailedWriteTest, RoundWritesOneTransaction) {
 }
 
 TEST_F(FailedWriteTest, QuotaCountsJobsOfSameTransaction) {
-  options.client_quota.jobs = 2;
+  options.client_quotas.defaults.jobs = 2;
   start();
   int created = 0, repeated = 0;
   for (int i = 0; i < 4; ++i) {

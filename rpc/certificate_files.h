@@ -1,0 +1,54 @@
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "rpc/certificate_dates.h"
+
+namespace tessera::contract {
+
+/// A new key on P-256 and the request to sign it (PKCS #10), both in PEM form.
+struct NewKey {
+  std::string key, signing_request;
+};
+/// Errors: Internal, OpenSSL failed.
+absl::StatusOr<NewKey> make_key();
+
+/// Returns when the certificate DIR/tls.crt is to be renewed: when two thirds of its time have
+/// passed. Errors: as certificate_end().
+absl::StatusOr<WallTime> renewal_time(const std::string& folder);
+
+/// The right to replace the files in a directory: one process at a time has it, also if several
+/// share the directory. Ends with the object.
+class CertificateLock {
+ public:
+  /// Errors: Unavailable, another process has it; PermissionDenied, the directory cannot be
+  /// written.
+  static absl::StatusOr<std::unique_ptr<CertificateLock>> take(const std::string& folder);
+  ~CertificateLock();
+  CertificateLock(const CertificateLock&) = delete;
+  CertificateLock& operator=(const CertificateLock&) = delete;
+
+ private:
+  explicit CertificateLock(int file) : file_(file) {}
+  const int file_;
+};
+
+/// Replaces DIR/tls.key and DIR/tls.crt durably. A process that is stopped in between leaves
+/// tls.renewed, from which finish_install() goes on. Requires the directory's lock.
+///
+/// Errors: InvalidArgument, the certificate is not of this key; those of errno.
+absl::Status install_certificate(const std::string& folder, std::string_view key,
+                                 std::string_view certificate);
+
+/// Completes an installation that was interrupted; does nothing otherwise. Requires the directory's
+/// lock. Errors: those of errno.
+absl::Status finish_install(const std::string& folder);
+/// The same without the lock. Fails silently where the files belong to somebody else.
+void repair_install(const std::string& folder);
+
+}  // namespace tessera::contract

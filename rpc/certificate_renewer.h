@@ -1,0 +1,56 @@
+#pragma once
+
+#include <grpcpp/channel.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace tessera::contract {
+
+/// Renews the certificate in the directory `folder` through `channel` if it is due: makes a key,
+/// has it signed by the farm's authority, and replaces the files. Returns whether there is a new
+/// certificate, also if another process has renewed it.
+///
+/// Errors: those of RenewCertificate, and of certificate_files.h.
+absl::StatusOr<bool> renew_certificate(const std::shared_ptr<grpc::Channel>& channel,
+                                       const std::string& folder);
+
+/// Keeps a program's certificate valid: a thread that renews it when it is due, and tries again
+/// when that fails.
+class CertificateRenewer {
+ public:
+  struct Options {
+    std::string folder;  // of ca.crt, tls.crt and tls.key
+    /// Returns the channel to renew through.
+    std::function<std::shared_ptr<grpc::Channel>()> channel;
+    /// Called on the renewer's thread when there is a new certificate.
+    std::function<void()> renewed;
+    /// Called on the renewer's thread when an attempt has failed.
+    std::function<void(const absl::Status&)> failed;
+  };
+  explicit CertificateRenewer(Options options);
+  ~CertificateRenewer();
+  CertificateRenewer(const CertificateRenewer&) = delete;
+  CertificateRenewer& operator=(const CertificateRenewer&) = delete;
+
+ private:
+  void run();
+  std::chrono::milliseconds attempt();
+  bool wait(std::chrono::milliseconds pause);
+
+  const Options options_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool is_stopping_ = false;
+  std::thread thread_;
+};
+
+}  // namespace tessera::contract

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <map>
+#include <mutex>
+#include <string>
+
+#include "server/service/access/access.h"
+#include "server/service/streams/io_pool.h"
+#include "tessera/v1/certificate_service.grpc.pb.h"
+
+namespace tessera::server {
+
+/// gRPC front end of the farm's authority: renews certificates of callers.
+class CertificateService final : public v1::CertificateService::CallbackService {
+ public:
+  /// `access` must outlive the server that this is registered with. `certs`: directory of the
+  /// authority; empty: there are no certificates.
+  CertificateService(const Access& access, std::string certs)
+      : access_(access), certs_(std::move(certs)) {}
+
+  grpc::ServerUnaryReactor* RenewCertificate(grpc::CallbackServerContext* context,
+                                             const v1::RenewCertificateRequest* request,
+                                             v1::RenewCertificateResponse* response) override;
+
+ private:
+  absl::Status count(const Identity& identity);
+
+  const Access& access_;
+  const std::string certs_;
+  std::mutex mutex_;
+  std::map<std::string, int> renewals_;  // by serial number of the certificate that was presented
+  IoPool io_{1};                         // reads and writes the authority's files
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# Certificates that live for seconds renew themselves, and the farm goes on with the new ones.
+. "$(dirname "$0")/farm.sh"
+certs=$work/certs
+mine=$certs/worker-rack
+
+as() { tessera "$2" --server "$address" --certs "$certs/$1" "${@:3}"; }
+is_new() { [ "$(openssl x509 -in "$1" -noout -serial)" != "$2" ]; }
+serial() { openssl x509 -in "$1" -noout -serial; }
+
+tessera-server init-certs "$certs" --host 127.0.0.1 --days 0.0003 2>"$work/err" # 25 s
+tessera-server issue-cert "$certs" --role client --name ann >/dev/null
+tessera-server issue-cert "$certs" --role worker --name rack --days 0.00025 >/dev/null # 21 s
+server_serial=$(serial "$certs/tls.crt")
+worker_serial=$(serial "$mine/tls.crt")
+worker_key=$(sha256sum <"$mine/tls.key")
+end=$((SECONDS + 27))
+
+start_secure_server 127.0.0.1:0
+tessera-server tokens create --store "$work/store" --out "$work/join.token"
+tessera-worker --server "$address" --certs "$mine" --threads 1 --name one --cache "$work/cache" \
+  --token "$work/join.token" --log-level debug >>"$work/worker-one.log" 2>&1 &
+worker_pid[one]=$!
+wait_until 20 "the worker is connected" grep -q "connected: one" "$work/server.log"
+
+wait_until 30 "the worker's certificate is new" is_new "$mine/tls.crt" "$worker_serial"
+[ "$(sha256sum <"$mine/tls.key")" != "$worker_key" ] || fail "the worker kept its key"
+equal "the new key is private" "$(stat -c %a "$mine/tls.key")" 600
+wait_until 30 "the server's certificate is new" is_new "$certs/tls.crt" "$server_serial"
+say "worker and server have renewed their certificates"
+
+while [ "$SECONDS" -le "$end" ]; do sleep 0.5; done
+kill -0 "${worker_pid[one]}" || fail "the worker has ended"
+scene=$scenes/lit_square.gltf
+job=$(as client-ann submit "$scene" --size 48x32 --spp 8 --tile-size 16 --name shot)
+as client-ann watch "$job" >"$work/watched"
+as client-ann status "$job" --json | grep -qi "\"state\": *\"done\"" || fail "the job is not done"
+grep -q "the certificate has been renewed" "$work/worker-one.log" || fail "the worker does not say so"
+grep -q "the server's certificate has been renewed" "$work/server.log" || fail "nor does the server"
+say "a job is rendered after the first certificates have expired"
+
+as client-ann quotas --json >"$work/quotas.json"
+grep -q '"quota": *"stored-gb"' "$work/quotas.json" || fail "no quotas"
+exits 2 tessera-server --listen unix:"$work/none" --store "$work/none" --client-quota ann:streems=3
+says "no quota is called \"streems\"; there are jobs, gigasamples"
+printf 'client-streems = 3\n' >"$work/bad.toml"
+exits 2 tessera-server --listen unix:"$work/none" --store "$work/none" --config "$work/bad.toml"
+says "client-streams"
+say "quotas are shown, and unknown ones refused"
