@@ -131,7 +131,7 @@ TileSum::TileSum(std::int32_t width, std::int32_t height, std::uint32_t aovs)
   if (aovs & contract::kAovNormal) normal_.resize(3 * pixels);
   if (aovs & (contract::kAovAlbedo | contract::kAovNormal)) hits_.resize(pixels);
   if (aovs & contract::kAovDenoising) {
-    features_.resize(std::size_t{kReplicates * contract::kFeatures} * pixels);
+    features_.resize(std::size_t{kReplicates} * contract::kFeatures * pixels);
   }
   if (aovs & contract::kAovTraversalCost) traversal_cost_.resize(3 * pixels);
   if (aovs & contract::kAovDepth) depth_.resize(pixels);

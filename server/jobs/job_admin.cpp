@@ -277,8 +277,7 @@ absl::Status JobAdmin::remove_now(const std::string& job_id) {
     }
     event.owner = job->spec->owner;
   }
-  const absl::Status removed =
-      pipeline_.write_and_tell([&] { return store_.remove_job(job_id); }, event);
+  absl::Status removed = pipeline_.write_and_tell([&] { return store_.remove_job(job_id); }, event);
   if (!removed.ok()) return removed;
   JobKey key = 0;
   std::shared_ptr<const JobSpec> spec;

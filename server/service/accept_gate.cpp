@@ -121,8 +121,8 @@ absl::Status AcceptGate::bind_one(const addrinfo& where, bool is_wildcard) {
   if (port_ != 0) set_port(bound, port_);
   if (::bind(fd, reinterpret_cast<const sockaddr*>(&bound), where.ai_addrlen) != 0 ||
       ::listen(fd, SOMAXCONN) != 0) {
-    const absl::Status status = errno == EADDRINUSE ? absl::AlreadyExistsError(std::strerror(errno))
-                                                    : absl::UnavailableError(std::strerror(errno));
+    absl::Status status = errno == EADDRINUSE ? absl::AlreadyExistsError(std::strerror(errno))
+                                              : absl::UnavailableError(std::strerror(errno));
     ::close(fd);
     return status;
   }

@@ -137,7 +137,7 @@ absl::Status FarmSettings::move_now(const std::string& worker_id, const std::str
   } else {
     rows[worker_id] = pool;
   }
-  const absl::Status saved =
+  absl::Status saved =
       pipeline_.write_and_tell([&] { return store_.save_settings(SettingKind::pool, rows); },
                                {0, 0, EventKind::worker_moved, "", "", worker_id,
                                 pool.empty() ? "its own pool" : absl::StrCat("pool ", pool)});
@@ -167,7 +167,7 @@ absl::Status FarmSettings::set_aside_now(const std::string& worker_id, const std
     }
   }
   rows[worker_id] = reason;
-  const absl::Status saved =
+  absl::Status saved =
       pipeline_.write_and_tell([&] { return store_.save_settings(SettingKind::aside, rows); },
                                {0, 0, EventKind::worker_set_aside, "", "", worker_id, reason});
   if (!saved.ok()) return saved;
@@ -194,7 +194,7 @@ absl::Status FarmSettings::bring_back_now(const std::string& worker_id) {
     }
   }
   rows.erase(worker_id);
-  const absl::Status saved =
+  absl::Status saved =
       pipeline_.write_and_tell([&] { return store_.save_settings(SettingKind::aside, rows); },
                                {0, 0, EventKind::worker_brought_back, "", "", worker_id, ""});
   if (!saved.ok()) return saved;

@@ -12,6 +12,6 @@ namespace tessera::server {
 std::string write_failed_attempts(const std::vector<FailedAttempt>& attempts);
 
 /// Reads what write_failed_attempts() wrote; leaves out what it does not understand.
-std::vector<FailedAttempt> read_failed_attempts(const std::string& json);
+std::vector<FailedAttempt> read_failed_attempts(const std::string& text);
 
 }  // namespace tessera::server

@@ -91,9 +91,8 @@ absl::Status DiskStore::update_statistics(const std::string& job_id, std::int32_
   const auto job = find_job(job_id);
   if (!job.ok()) return job.status();
   return journal_->write([&](Database& rows) {
-    const absl::Status updated =
-        rows.run("UPDATE frames SET statistics_json=? WHERE job=? AND frame=?",
-                 {statistics_json, job->sequence, frame});
+    absl::Status updated = rows.run("UPDATE frames SET statistics_json=? WHERE job=? AND frame=?",
+                                    {statistics_json, job->sequence, frame});
     if (!updated.ok() || rows.changes() > 0) return updated;
     return absl::NotFoundError(absl::StrCat("no finished frame ", frame, " of job ", job_id));
   });

@@ -219,7 +219,7 @@ absl::Status WorkerRegistry::ban_now(const std::string& worker_id) {
     for (const std::string& name : names) status.Update(store_.workers().ban_worker(name));
     return status;
   };
-  const absl::Status written =
+  absl::Status written =
       pipeline_.write_and_tell(write, {0, 0, EventKind::worker_banned, "", "", worker_id, ""});
   if (!written.ok()) return written;
   FarmChange change(farm_);

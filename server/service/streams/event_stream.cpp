@@ -62,14 +62,14 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
   /// Reads events up to those that are in memory.
   void read_stored() {
     const std::int64_t end = coordinator_.events().complete_after();
-    auto events = coordinator_.queries().stored_events(query_, kEventsPerMessage);
+    auto stored = coordinator_.queries().stored_events(query_, kEventsPerMessage);
     const std::lock_guard lock(mutex_);
-    if (!events.ok()) return finish(events.status());
-    const bool is_page = events->size() == kEventsPerMessage;
-    const std::int64_t last = is_page ? events->back().sequence : end;
-    *events = coordinator_.events().with_lines(*std::move(events), query_, last);
-    if (events->size() > kEventsPerMessage) events->resize(kEventsPerMessage);
-    if (!events->empty()) return send(*events);
+    if (!stored.ok()) return finish(stored.status());
+    const bool is_page = stored->size() == kEventsPerMessage;
+    const std::int64_t last = is_page ? stored->back().sequence : end;
+    auto events = coordinator_.events().with_lines(*std::move(stored), query_, last);
+    if (events.size() > kEventsPerMessage) events.resize(kEventsPerMessage);
+    if (!events.empty()) return send(events);
     query_.after = end;
     poll_unless_cancelled(true);
   }

@@ -16,13 +16,14 @@ namespace tessera::server {
 template <typename Response>
 class PollingStream : public grpc::ServerWriteReactor<Response> {
  public:
-  void OnCancel() final {
+  // The names are those of gRPC.
+  void OnCancel() final {  // NOLINT(readability-identifier-naming)
     const std::lock_guard lock(mutex_);
     is_cancelled_ = true;
     alarm_.Cancel();
   }
 
-  void OnDone() final {
+  void OnDone() final {  // NOLINT(readability-identifier-naming)
     { const std::lock_guard lock(mutex_); }
     delete this;
   }

@@ -103,7 +103,7 @@ class Backup {
     remove_all(filesystem_, links_);
     has_links_ = filesystem_.make_folder(links_).ok();
     for (auto file = files_.begin(); has_links_ && file != files_.end(); ++file) {
-      const absl::Status linked = filesystem_.link(absl::StrCat(from_, "/", *file), link_of(*file));
+      absl::Status linked = filesystem_.link(absl::StrCat(from_, "/", *file), link_of(*file));
       if (absl::IsNotFound(linked)) return linked;
       has_links_ = linked.ok();
     }

@@ -27,7 +27,7 @@ class JobOrderTest : public TestFarm {
     grpc::ClientContext context;
     prepare(context);
     v1::UpdateJobResponse response;
-    const grpc::Status status =
+    grpc::Status status =
         v1::JobService::NewStub(server_->channel())->UpdateJob(&context, request, &response);
     job = response.job();
     return status;
