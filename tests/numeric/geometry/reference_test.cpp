@@ -168,17 +168,17 @@ TEST_P(AllStructures, DegenerateMeshAgrees) {
 
 /// Hard case 33: rays with NaN, infinite or zero components miss, as do all rays in an empty scene.
 TEST_P(AllStructures, InvalidRaysMiss) {
-  constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  const float infinity = std::numeric_limits<float>::infinity();
+  const float nan = std::numeric_limits<float>::quiet_NaN();
   const StructureAccelerator full(scene_of({uv_sphere(4, 6, 1)}), GetParam());
   const StructureAccelerator empty(Scene{}, GetParam());
   const StructureAccelerator hollow(scene_of({}), GetParam());
   Hit hit;
   for (const Vec3f& bad :
-       {Vec3f{}, Vec3f{kNan, 1, 0}, Vec3f{0, kInfinity, 0}, Vec3f{-0.0f, 0, 1e-40f}}) {
+       {Vec3f{}, Vec3f{nan, 1, 0}, Vec3f{0, infinity, 0}, Vec3f{-0.0f, 0, 1e-40f}}) {
     EXPECT_FALSE(full.closest_hit({{0, 0, 0}, bad}, nullptr, hit));
   }
-  EXPECT_FALSE(full.closest_hit({{kNan, 0, 0}, {1, 0, 0}}, nullptr, hit));
+  EXPECT_FALSE(full.closest_hit({{nan, 0, 0}, {1, 0, 0}}, nullptr, hit));
   EXPECT_TRUE(full.closest_hit({{0, 0, 0}, {1, 0, 0}}, nullptr, hit));
   EXPECT_FALSE(empty.closest_hit({{0, 0, 0}, {1, 0, 0}}, nullptr, hit));
   EXPECT_FALSE(hollow.any_hit({{0, 0, 0}, {1, 0, 0}}, nullptr));
