@@ -21,7 +21,7 @@ struct QuotaOption {
 };
 
 /// In the order of kQuotaKinds.
-constexpr std::array<QuotaOption, kQuotaKindCount> kOptions = {{
+constexpr std::array<QuotaOption, kQuotaKinds.size()> kOptions = {{
     {"--client-jobs",
      "Maximum unfinished jobs per client; 0: unlimited (default with --certs: 10000)"},
     {"--client-gigasamples",

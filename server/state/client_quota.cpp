@@ -41,21 +41,6 @@ JobSize max_job_size(const JobSpec& spec) {
           static_cast<double>(pixels) * static_cast<double>(frames) * spec.settings.spp};
 }
 
-const std::array<QuotaKind, kQuotaKindCount> kQuotaKinds = {{
-    {"jobs", &ClientQuota::jobs, "unfinished jobs", "wait for jobs to finish, or cancel some"},
-    {"gigasamples", &ClientQuota::gigasamples, "10^9 samples of unfinished jobs",
-     "wait for jobs to finish, cancel some, or ask for fewer samples"},
-    {"gb", &ClientQuota::gb, "GB of store that unfinished jobs may need",
-     "wait for jobs to finish, cancel some, or split the job"},
-    {"stored-gb", &ClientQuota::stored_gb,
-     "GB of scene files, results and what unfinished jobs may need", "fetch and remove ended jobs"},
-    {"streams", &ClientQuota::streams, "open streams", "close one, such as a watch or a transfer"},
-    {"event-subscriptions", &ClientQuota::event_subscriptions, "event subscriptions",
-     "end one, such as a webhook or `tessera events --follow`"},
-    {"calls", &ClientQuota::calls, "calls per second", "retry later, and call less often"},
-    {"upload-gb", &ClientQuota::upload_gb, "GB uploaded per hour", "retry later"},
-}};
-
 const QuotaKind& quota_kind(double ClientQuota::*member) {
   return *std::find_if(kQuotaKinds.begin(), kQuotaKinds.end(),
                        [&](const QuotaKind& kind) { return kind.member == member; });

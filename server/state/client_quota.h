@@ -37,9 +37,21 @@ struct QuotaKind {
   const char* what;             // with "uses 3 of 4 WHAT" in messages
   const char* advice;           // what a client over the limit can do
 };
-inline constexpr std::size_t kQuotaKindCount = 8;
 /// All kinds, in the order of ClientQuota's members.
-extern const std::array<QuotaKind, kQuotaKindCount> kQuotaKinds;
+inline constexpr std::array<QuotaKind, 8> kQuotaKinds = {{
+    {"jobs", &ClientQuota::jobs, "unfinished jobs", "wait for jobs to finish, or cancel some"},
+    {"gigasamples", &ClientQuota::gigasamples, "10^9 samples of unfinished jobs",
+     "wait for jobs to finish, cancel some, or ask for fewer samples"},
+    {"gb", &ClientQuota::gb, "GB of store that unfinished jobs may need",
+     "wait for jobs to finish, cancel some, or split the job"},
+    {"stored-gb", &ClientQuota::stored_gb,
+     "GB of scene files, results and what unfinished jobs may need", "fetch and remove ended jobs"},
+    {"streams", &ClientQuota::streams, "open streams", "close one, such as a watch or a transfer"},
+    {"event-subscriptions", &ClientQuota::event_subscriptions, "event subscriptions",
+     "end one, such as a webhook or `tessera events --follow`"},
+    {"calls", &ClientQuota::calls, "calls per second", "retry later, and call less often"},
+    {"upload-gb", &ClientQuota::upload_gb, "GB uploaded per hour", "retry later"},
+}};
 /// Returns the kind of a member. Requires a member of ClientQuota.
 const QuotaKind& quota_kind(double ClientQuota::*member);
 

@@ -99,10 +99,10 @@ TEST_F(QuotasTest, EventSubscriptionsAreCountedApart) {
 TEST_F(QuotasTest, ClientSeesOnlyItsOwn) {
   create_job("bob", "other");
   ASSERT_TRUE(try_call("ann").ok());
-  EXPECT_EQ(use_of("ann", "ann").size(), kQuotaKindCount);
+  EXPECT_EQ(use_of("ann", "ann").size(), kQuotaKinds.size());
   EXPECT_GT(use_of("ann", "ann")["calls"].used(), 0);
   EXPECT_TRUE(use_of("bob", "ann").empty());
-  EXPECT_EQ(use_of("bob", "root").size(), kQuotaKindCount);
+  EXPECT_EQ(use_of("bob", "root").size(), kQuotaKinds.size());
 }
 
 TEST_F(QuotasTest, ListIsPaged) {

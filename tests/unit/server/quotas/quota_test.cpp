@@ -25,7 +25,7 @@ TEST(ClientQuotas, EveryKindHasItsMember) {
     names.insert(kind.name);
     EXPECT_EQ(&quota_kind(kind.member), &kind);
   }
-  EXPECT_EQ(names.size(), kQuotaKindCount);
+  EXPECT_EQ(names.size(), kQuotaKinds.size());
 }
 
 TEST(ClientQuotas, EveryKindOfJobsAndFilesIsChecked) {
