@@ -11,9 +11,9 @@ namespace tessera::server {
 namespace {
 
 #ifdef ABSL_HAVE_ADDRESS_SANITIZER
-constexpr int kSeeds = 60;
+constexpr int kSeeds = 40;
 #else
-constexpr int kSeeds = 300;
+constexpr int kSeeds = 100;
 #endif
 constexpr int kSteps = 60;
 
