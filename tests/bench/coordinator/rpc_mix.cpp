@@ -71,8 +71,7 @@ class Figures {
 class Tenant {
  public:
   Tenant(const Options& options, int number, FarmClient& client, Figures& figures)
-      : options_(options),
-        client_(client),
+      : client_(client),
         figures_(figures),
         random_(static_cast<unsigned>(number)),
         name_("t" + std::to_string(number)),
@@ -236,7 +235,6 @@ class Tenant {
     }
   }
 
-  const Options& options_;
   FarmClient& client_;
   Figures& figures_;
   std::mt19937 random_;
