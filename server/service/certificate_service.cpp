@@ -47,8 +47,8 @@ grpc::ServerUnaryReactor* CertificateService::RenewCertificate(
   if (!status.ok()) return finish(context, status);
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   io_.post([this, reactor, request, response, identity = *caller->identity] {
-    auto renewed = renew(certs_, identity, request->signing_request(), now_s());
-    if (renewed.ok()) response->set_certificate(*std::move(renewed));
+    const auto renewed = renew(certs_, identity, request->signing_request(), now_s());
+    if (renewed.ok()) response->set_certificate(*renewed);
     reactor->Finish(contract::to_rpc(renewed.status()));
   });
   return reactor;
