@@ -90,19 +90,19 @@ class Tenant {
   /// Calls an RPC; common ones more often.
   void call() {
     using Call = std::pair<double, std::function<void(Tenant&)>>;
-    static const std::vector<Call> kCalls = {
+    static const std::vector<Call> calls = {
         {25, &Tenant::create},      {25, &Tenant::get},       {10, &Tenant::list},
         {6, &Tenant::upload},       {6, &Tenant::fetch},      {5, &Tenant::report},
         {4, &Tenant::pause_resume}, {4, &Tenant::update},     {3, &Tenant::cancel_retry},
         {4, &Tenant::remove},       {3, &Tenant::deliveries}, {3, &Tenant::events},
         {2, &Tenant::usage}};
-    static const std::vector<double> kWeights = [] {
+    static const std::vector<double> shares = [] {
       std::vector<double> weights;
-      for (const Call& one : kCalls) weights.push_back(one.first);
+      for (const Call& one : calls) weights.push_back(one.first);
       return weights;
     }();
-    std::discrete_distribution<std::size_t> choose(kWeights.begin(), kWeights.end());
-    kCalls[choose(random_)].second(*this);
+    std::discrete_distribution<std::size_t> choose(shares.begin(), shares.end());
+    calls[choose(random_)].second(*this);
   }
 
  private:
