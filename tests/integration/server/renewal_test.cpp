@@ -48,7 +48,7 @@ class RenewalTest : public SecureFarm {
     request.set_signing_request(signing_request);
     v1::RenewCertificateResponse response;
     const auto stub = v1::CertificateService::NewStub(channel(name));
-    const grpc::Status status = stub->RenewCertificate(&context, request, &response);
+    grpc::Status status = stub->RenewCertificate(&context, request, &response);
     if (certificate != nullptr) *certificate = response.certificate();
     return status;
   }
