@@ -30,8 +30,9 @@ equal "a token's file is private" "$(stat -c %a "$worker_token")" 600
 secret=$(cut -c10- "$worker_token")
 [ "${#secret}" -eq 64 ] || fail "no secret to look for"
 ! grep -rF -- "$secret" "$work/store" || fail "the token's secret is in the store"
-worker=(tessera-worker --server "$address" --certs "$certs/worker-rack" --threads 1
-  --memory-mb 4000)
+worker=(tessera-worker --server "$address" --certs "$certs/worker-rack" --threads 1)
+# Sanitizers map more memory than any limit allows.
+[ -n "${TESSERA_E2E_SMALL:-}" ] || worker+=(--memory-mb 4000)
 exits 3 "${worker[@]}" --cache "$work/cache-none"
 says "join token"
 "${worker[@]}" --name one --cache "$work/cache-one" --token "$worker_token" --log-level debug \
@@ -45,8 +46,10 @@ equal "its renderer is confined" "$(awk '/^Seccomp:/ {print $2}' "/proc/$rendere
 equal "it gains no privileges" "$(awk '/^NoNewPrivs:/ {print $2}' "/proc/$renderer/status")" 1
 equal "its files are limited" "$(awk '/^Max file size/ {print $4, $5}' "/proc/$renderer/limits")" \
   "68719476736 68719476736"
-equal "its memory is limited" "$(awk '/^Max data size/ {print $4, $5}' "/proc/$renderer/limits")" \
-  "4000000000 4000000000"
+if [ -z "${TESSERA_E2E_SMALL:-}" ]; then
+  equal "its memory is limited" "$(awk '/^Max data size/ {print $4, $5}' "/proc/$renderer/limits")" \
+    "4000000000 4000000000"
+fi
 say "a token lets in as many workers as it says"
 
 scene=$scenes/lit_square.gltf
