@@ -32,7 +32,7 @@ absl::StatusOr<WallTime> date_of(const std::string& path,
       PEM_read_bio_X509(file.get(), nullptr, nullptr, nullptr), X509_free);
   std::tm date{};
   if (certificate == nullptr || ASN1_TIME_to_tm(read_date(certificate.get()), &date) != 1) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": holds no certificate"));
+    return absl::InvalidArgumentError(absl::StrCat(path, ": contains no certificate"));
   }
   return std::chrono::system_clock::from_time_t(::timegm(&date));
 }
@@ -53,10 +53,10 @@ std::string expiry_warning(const std::string& certs, WallTime now) {
     const std::string path = certs + name;
     const auto end = certificate_end(path);
     if (!end.ok() || *end - now > kNotice) continue;
-    return absl::StrCat(path,
-                        now < *end ? ": the certificate ends at " : ": the certificate ended at ",
-                        day_of(*end), "; replace it with `tessera-server issue-cert` or ",
-                        "`init-certs`, no restart is needed");
+    return absl::StrCat(
+        path, now < *end ? ": the certificate expires at " : ": the certificate expired at ",
+        day_of(*end), "; replace it with `tessera-server issue-cert` or ",
+        "`init-certs`, no restart is needed");
   }
   return {};
 }

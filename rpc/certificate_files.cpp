@@ -147,7 +147,7 @@ absl::Status finish_install(const std::string& folder) {
   if (!both.ok()) return both.status();
   const std::size_t middle = both->find(kBegin);
   if (middle == std::string::npos) {
-    return absl::DataLossError(absl::StrCat(path, ": holds no certificate; delete the file"));
+    return absl::DataLossError(absl::StrCat(path, ": contains no certificate; delete the file"));
   }
   absl::Status status = place(folder, both->substr(0, middle), both->substr(middle));
   if (!status.ok()) return status;

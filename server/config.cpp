@@ -47,7 +47,7 @@ void add_client_limits(CLI::App& app, Config& config) {
       ->check(CLI::Range(-100, 100))
       ->capture_default_str();
   app.add_option("--client-share", config.client_shares,
-                 "Weight of a client in fair share, 0.001 to 1000; others have 1; repeatable")
+                 "Weight of a client in fair share, 0.001 to 1000 (default: 1); repeatable")
       ->type_name("NAME=WEIGHT")
       ->allow_extra_args(false)
       ->check([](const std::string& share) {

@@ -28,8 +28,8 @@ constexpr std::array<QuotaOption, kQuotaKinds.size()> kOptions = {{
      "Maximum pixels x samples of a client's unfinished jobs, 10^9; 0: unlimited"},
     {"--client-gb", "Maximum store for a client's unfinished jobs, GB; 0: unlimited"},
     {"--client-stored-gb",
-     "Maximum scene files and results that are kept for a client, with what its unfinished jobs "
-     "may need, GB; 0: unlimited (default with --certs: half of --quota-gb)"},
+     "Maximum size of a client's scene files and results, including what its unfinished jobs may "
+     "need, GB; 0: unlimited (default with --certs: half of --quota-gb)"},
     {"--client-streams", "With --certs: maximum open streams per client; 0: unlimited"},
     {"--client-event-subscriptions",
      "With --certs: maximum event subscriptions per client; 0: unlimited"},
@@ -46,14 +46,14 @@ absl::Status read_override(const std::string& text, ClientQuotas& quotas) {
   const std::vector<std::string> parts = absl::StrSplit(text, absl::MaxSplits(':', 1));
   if (parts.size() != 2 || parts[0].empty()) return malformed(text, "the client's name is missing");
   const auto [entry, is_new] = quotas.by_client.try_emplace(parts[0], quotas.defaults);
-  if (!is_new) return malformed(text, "this client has been named before");
+  if (!is_new) return malformed(text, "this client is named twice");
   const std::vector<std::string> settings = absl::StrSplit(parts[1], ',');
   for (const std::string& setting : settings) {
     const std::vector<std::string> pair = absl::StrSplit(setting, absl::MaxSplits('=', 1));
     const auto* const kind = std::find_if(kQuotaKinds.begin(), kQuotaKinds.end(),
                                           [&](const auto& each) { return pair[0] == each.name; });
     if (kind == kQuotaKinds.end()) {
-      return malformed(text, absl::StrCat("no quota is called \"", pair[0], "\"; there are ",
+      return malformed(text, absl::StrCat("unknown quota \"", pair[0], "\"; expected one of ",
                                           absl::StrJoin(kQuotaKinds, ", ",
                                                         [](std::string* out, const auto& each) {
                                                           out->append(each.name);
@@ -79,7 +79,7 @@ void add_quota_options(CLI::App& app, QuotaOptions& options) {
   }
   app.add_option("--client-quota", options.by_client,
                  "Quotas of one client in place of the defaults, such as "
-                 "ann:jobs=200,stored-gb=500; the names are those of --client-NAME; repeatable")
+                 "ann:jobs=200,stored-gb=500; QUOTA as in --client-QUOTA; repeatable")
       ->type_name("NAME:QUOTA=VALUE,...")
       ->allow_extra_args(false)
       ->check([](const std::string& text) {

@@ -10,7 +10,7 @@ using cli::exit_code;
 using cli::kExitBadInput;
 using cli::kExitDone;
 using cli::kExitInterrupted;
-inline constexpr int kExitJobFailed = 1;  // failed or cancelled job; comparison over its limit
+inline constexpr int kExitJobFailed = 1;  // job that did not succeed; comparison over its limit
 inline constexpr int kExitUnreachable = cli::kExitUnavailable;
 inline constexpr int kExitUncertain = 4;  // images written, error target not certified
 

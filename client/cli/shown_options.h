@@ -17,7 +17,8 @@ struct ShownOption {
   std::string default_value;  // empty: none
 };
 
-/// The options of `app` that --help shows, in its order, without positional arguments.
+/// The options of `app` that --help shows, without positional arguments, then those of its option
+/// groups.
 std::vector<ShownOption> shown_options(const CLI::App& app);
 
 /// The subcommands of `app` that --help shows, in its order.

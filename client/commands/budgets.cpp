@@ -103,8 +103,7 @@ int run_set(const BudgetOptions& options, const Connection& connection) {
   budget.set_warning_fraction(options.warning_fraction);
   const auto set = (*client)->set_budget(budget);
   if (!set.ok()) return fail(set.status());
-  std::printf("%s has %.6g CPU hours, %s are used\n", account_of(*set).c_str(),
-              set->cpu_seconds() / kHour,
+  std::printf("%s: %.6g CPU hours, %s used\n", account_of(*set).c_str(), set->cpu_seconds() / kHour,
               format_share(set->used_cpu_seconds(), set->cpu_seconds()).c_str());
   return kExitDone;
 }
@@ -125,10 +124,8 @@ CLI::App* add_command(CLI::App& command, Invocation& invocation, const char* nam
   CLI::App* sub = cli::add_command(command, name, description);
   add_connection_options(*sub, invocation.connection);
   CLI::Option_group* account = sub->add_option_group("Account", "");
-  account->add_option("--owner", options->owner, "Client, all jobs of which count")
-      ->type_name("NAME");
-  account->add_option("--project", options->project, "Project, all jobs of which count")
-      ->type_name("NAME");
+  account->add_option("--owner", options->owner, "Client whose jobs count")->type_name("NAME");
+  account->add_option("--project", options->project, "Project whose jobs count")->type_name("NAME");
   account->require_option(1);
   sub->callback([options, run, &invocation] {
     invocation.run = [options, run, &invocation] { return run(*options, invocation.connection); };
@@ -137,19 +134,22 @@ CLI::App* add_command(CLI::App& command, Invocation& invocation, const char* nam
 }
 
 void add_set_options(CLI::App& command, BudgetOptions& options) {
-  command.add_option("--cpu-hours", options.cpu_hours, "CPU hours of each period")
+  command.add_option("--cpu-hours", options.cpu_hours, "CPU hours per period")
       ->check(cli::finite_range(1e-6, 1e11))
       ->type_name("HOURS")
       ->required();
-  command.add_option("--period", options.period, "After which use starts from zero, in UTC")
+  command.add_option("--period", options.period, "Period of the budget, in UTC")
       ->check(CLI::IsMember({"ever", "day", "week", "month"}))
       ->capture_default_str();
   command
       .add_option("--when-used-up", options.action,
-                  "Only warn, or stop leasing units; leased ones are finished")
+                  "Effect when the budget is used up: a warning only, or no further leases; leased "
+                  "units are finished")
       ->check(CLI::IsMember({"warn", "stop"}))
       ->capture_default_str();
-  command.add_option("--warn-at", options.warning_fraction, "Fraction of the budget for a warning")
+  command
+      .add_option("--warn-at", options.warning_fraction,
+                  "Fraction of the budget whose use causes a warning")
       ->check(cli::finite_range(0.01, 1.0))
       ->capture_default_str();
 }
@@ -159,7 +159,7 @@ void add_set_options(CLI::App& command, BudgetOptions& options) {
 void add_budgets_command(CLI::App& app, Invocation& invocation) {
   auto json = std::make_shared<bool>(false);
   CLI::App* command =
-      cli::add_command(app, "budgets", "List budgets of clients and projects, and what is used");
+      cli::add_command(app, "budgets", "List the budgets of clients and projects and their use");
   add_connection_options(*command, invocation.connection);
   command->add_flag("--json", *json, "JSON output (tessera.budgets/1)");
   const auto to_set = std::make_shared<BudgetOptions>();
@@ -167,7 +167,8 @@ void add_budgets_command(CLI::App& app, Invocation& invocation) {
                               to_set, run_set);
   add_set_options(*set, *to_set);
   set->footer(
-      "Use before the command counts. Events warn when the fraction and when all is used.\n"
+      "CPU time that was used earlier in the period counts as well. An event reports when the\n"
+      "fraction --warn-at is used, another one when the whole budget is.\n"
       "Examples:\n  tessera budgets set --owner ann --cpu-hours 500 --period month\n"
       "  tessera budgets set --project film --cpu-hours 20000 --when-used-up warn");
   add_command(*command, invocation, "remove", "Remove a budget", std::make_shared<BudgetOptions>(),
@@ -176,7 +177,7 @@ void add_budgets_command(CLI::App& app, Invocation& invocation) {
   command->require_subcommand(0, 1);
   command->footer(
       "On farms with certificates, set and remove require an admin certificate, and a client sees\n"
-      "its own budget.\n"
+      "only its own budget.\n"
       "Examples:\n  tessera budgets\n  tessera budgets set --owner ann --cpu-hours 500");
   command->callback([command, json, &invocation] {
     if (!command->get_subcommands().empty()) return;  // the subcommand has its own callback

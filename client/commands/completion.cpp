@@ -75,7 +75,7 @@ std::string zsh_options(const CLI::App& app, const std::string& indent) {
 std::string zsh_script(const CLI::App& app) {
   std::string script =
       "#compdef tessera\n"
-      "# zsh completion of tessera: put it as _tessera into a folder of $fpath\n"
+      "# zsh completion of tessera: put it as _tessera into a directory of $fpath\n"
       "_tessera() {\n"
       "  local -a commands\n"
       "  commands=(\n";

@@ -101,13 +101,13 @@ void add_events_commands(CLI::App& app, Invocation& invocation) {
   events->add_flag("--follow", of_farm->follow, "Continuous output until Ctrl-C");
   events
       ->add_option("--since", of_farm->since,
-                   "Only events after the one with this sequence, as printed by --json")
+                   "Only events after this sequence number, as printed by --json")
       ->check(CLI::NonNegativeNumber)
       ->type_name("SEQUENCE");
   events->footer(
       "The server keeps the newest 200,000 events, across restarts. A program that stores the\n"
-      "sequence of the last event it has handled and passes it to --since sees each event once;\n"
-      "if that event is no longer kept, the command says so and fails.\n"
+      "sequence number of the last event it has handled and passes it to --since sees each event\n"
+      "once; if events after that number are no longer kept, the command fails.\n"
       "Examples:\n  tessera events\n  tessera events --follow --json\n"
       "  tessera events --since 1099511627790 --json");
 }

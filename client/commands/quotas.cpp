@@ -57,13 +57,13 @@ int run(bool json, const Connection& connection) {
 
 void add_quotas_command(CLI::App& app, Invocation& invocation) {
   auto json = std::make_shared<bool>(false);
-  CLI::App* command =
-      cli::add_command(app, "quotas", "Show the quotas of clients, and what they use of them");
+  CLI::App* command = cli::add_command(app, "quotas", "Show the quotas of clients and their use");
   add_connection_options(*command, invocation.connection);
   command->add_flag("--json", *json, "JSON output (tessera.quotas/1)");
   command->footer(
-      "A request over a quota is refused. The operator sets quotas with the options --client-NAME\n"
-      "and --client-quota of tessera-server. On farms with certificates a client sees its own.\n"
+      "A request that would exceed a quota is refused. The operator sets quotas with the options\n"
+      "--client-QUOTA and --client-quota of tessera-server. On farms with certificates a client\n"
+      "sees only its own quotas.\n"
       "Examples:\n  tessera quotas\n  tessera quotas --json");
   command->callback([json, &invocation] {
     invocation.run = [json, &invocation] { return run(*json, invocation.connection); };

@@ -30,7 +30,7 @@ struct SetOptions {
 
 absl::StatusOr<v1::UpdateJobRequest> request_of(const SetOptions& options) {
   if (!options.changes_anything()) {
-    return absl::InvalidArgumentError("set: name what to change, such as --priority 50");
+    return absl::InvalidArgumentError("set: give at least one option, such as --priority 50");
   }
   v1::UpdateJobRequest request;
   if (options.priority) request.set_priority(*options.priority);
@@ -76,13 +76,13 @@ void add_options(CLI::App& command, SetOptions& options) {
   command.add_option("--pool", options.pool, "Worker pool that renders the job")->type_name("POOL");
   CLI::Option* limits = command.add_option(
       "--limit", options.limits,
-      "Limit that each leased unit counts against, and by how much (default 1), in place of the "
-      "present limits; repeatable");
+      "Limit that each leased unit counts against, and by how much (default 1); replaces the job's "
+      "limits; repeatable");
   limits->type_name("NAME[=UNITS]")->allow_extra_args(false);
-  command.add_flag("--no-limits", options.no_limits, "No limits, in place of the present ones")
+  command.add_flag("--no-limits", options.no_limits, "Removal of the job's limits")
       ->excludes(limits);
   command.add_flag("--no-after", options.no_after,
-                   "No dependencies on other jobs, in place of the present ones");
+                   "Removal of the job's dependencies on other jobs");
   command.add_flag("--json", options.json, "JSON output (tessera.job/1)");
 }
 

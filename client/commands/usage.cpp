@@ -161,24 +161,26 @@ void add_usage_command(CLI::App& app, Invocation& invocation) {
   CLI::App* command =
       cli::add_command(app, "usage", "Show the CPU time that clients, projects and jobs have used");
   add_connection_options(*command, invocation.connection);
-  command->add_option("--by", options->groups, "Comma-separated list of what to group by")
+  command->add_option("--by", options->groups, "Comma-separated list of keys to group by")
       ->delimiter(',')
       ->check(CLI::IsMember({"owner", "project", "job"}))
       ->capture_default_str();
   command
       ->add_option("--since", options->since,
-                   "Only what was committed from this date or time on, by whole hours in UTC")
+                   "Start of the time range in UTC, a date or time; whole hours are counted")
       ->type_name("TIME");
-  command->add_option("--until", options->until, "Only what was committed before")
+  command->add_option("--until", options->until, "End of the time range in UTC, exclusive")
       ->type_name("TIME");
   command->add_option("--owner", options->owner, "Only jobs of this client")->type_name("NAME");
-  command->add_option("--project", options->project, "Only jobs of this project; \"\": of none")
+  command
+      ->add_option("--project", options->project,
+                   "Only jobs of this project; \"\": jobs without one")
       ->type_name("NAME");
   CLI::Option* json = command->add_flag("--json", options->json, "JSON output (tessera.usage/1)");
   command->add_flag("--csv", options->csv, "CSV output")->excludes(json);
   command->footer(
-      "Each committed unit counts once, also after its job was removed. On farms with\n"
-      "certificates a client sees its own jobs.\n"
+      "Each committed unit counts once, even if its job has been removed. On farms with\n"
+      "certificates a client sees only its own jobs.\n"
       "Examples:\n  tessera usage\n  tessera usage --by job --project film --csv\n"
       "  tessera usage --by owner --since 2026-11-01 --until 2026-12-01 --json");
   command->callback([options, &invocation] {

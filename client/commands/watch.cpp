@@ -32,7 +32,8 @@ void add_watch_command(CLI::App& app, Invocation& invocation) {
   add_job_argument(*command, options->job);
   command->add_flag("--json", options->json, "JSON output, one object per line (tessera.job/1)");
   command->footer(
-      "Exit code: 0 done, 1 failed or cancelled, 2 the scene is faulty, 4 done but the target "
+      "Exit code: 0 done, 1 failed, cancelled or paused by failures, 2 the scene is faulty, 4 done "
+      "but the target "
       "error is not certified. Ctrl-C leaves the job running.\nExample:\n  tessera watch last");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };

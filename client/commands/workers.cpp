@@ -98,7 +98,7 @@ constexpr Order kOrders[] = {
     {"ban", "Ban a worker: lease it nothing and reject its results; lasts across server restarts",
      "is banned", &FarmClient::ban_worker},
     {"allow", "Lift a worker's ban or quarantine", "is allowed", &FarmClient::allow_worker},
-    {"bring-back", "Bring back a worker that was set aside", "is back",
+    {"bring-back", "Return a worker that was set aside to service", "is back in service",
      &FarmClient::bring_back_worker},
 };
 
@@ -181,8 +181,8 @@ int run_set_aside(const AsideOptions& options, const Connection& connection) {
 
 void add_set_aside(CLI::App& command, Invocation& invocation) {
   auto options = std::make_shared<AsideOptions>();
-  CLI::App* sub = cli::add_command(command, "set-aside",
-                                   "Lease a worker nothing, across restarts; it stays connected");
+  CLI::App* sub = cli::add_command(
+      command, "set-aside", "Take a worker out of service, across restarts; it stays connected");
   add_connection_options(*sub, invocation.connection);
   sub->add_option("worker", options->worker, "Worker ID, unique prefix, or name")->required();
   sub->add_option("--reason", options->reason, "Note for other operators")->type_name("TEXT");
@@ -205,7 +205,7 @@ struct Block {
 };
 
 constexpr Block kBlocks[] = {
-    {"block", "Block a worker for one job: it renders none of it", "is blocked", true},
+    {"block", "Block a worker for one job: none of its units are leased to it", "is blocked", true},
     {"unblock", "Unblock a worker for a job", "is no longer blocked", false},
 };
 

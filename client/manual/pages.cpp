@@ -85,8 +85,8 @@ std::string man_page(const CLI::App& command, const std::string& program) {
   absl::StrAppend(
       &page,
       ".SH EXIT STATUS\n"
-      "0 done; 1 job failed or cancelled, or a comparison over its limit; 2 wrong "
-      "usage or bad input; 3 farm unreachable, or request refused; 4 image written, target "
+      "0 done; 1 job failed, cancelled or paused by failures, or a comparison over its limit; 2 "
+      "wrong usage or bad input; 3 farm unreachable, or request refused; 4 image written, target "
       "error not certified; 130 interrupted.\n");
   return page;
 }

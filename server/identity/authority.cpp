@@ -214,7 +214,7 @@ absl::StatusOr<std::string> renew(const std::string& folder, const Identity& pre
   if (now_s < middle_s) {
     return absl::FailedPreconditionError(absl::StrCat("the certificate can be renewed in ",
                                                       middle_s - now_s,
-                                                      " s, when half of its time has passed"));
+                                                      " s, when half of its validity has passed"));
   }
   const Bio bytes(
       BIO_new_mem_buf(signing_request.data(), static_cast<int>(signing_request.size())));
@@ -233,9 +233,9 @@ absl::StatusOr<std::string> renew(const std::string& folder, const Identity& pre
   }
   auto authority = read_authority(folder);
   if (absl::IsNotFound(authority.status())) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        "this server cannot renew certificates, because ", folder,
-        "/ca.key is kept elsewhere: issue one there with `tessera-server issue-cert`"));
+    return absl::FailedPreconditionError(
+        absl::StrCat("this server cannot renew certificates without ", folder,
+                     "/ca.key; use `tessera-server issue-cert` where the authority's key is kept"));
   }
   if (!authority.ok()) return authority.status();
   Validity validity = following(present, now_s);

@@ -40,7 +40,7 @@ struct QuotaKind {
 /// All kinds, in the order of ClientQuota's members.
 inline constexpr std::array<QuotaKind, 8> kQuotaKinds = {{
     {"jobs", &ClientQuota::jobs, "unfinished jobs", "wait for jobs to finish, or cancel some"},
-    {"gigasamples", &ClientQuota::gigasamples, "10^9 samples of unfinished jobs",
+    {"gigasamples", &ClientQuota::gigasamples, "billion samples of unfinished jobs",
      "wait for jobs to finish, cancel some, or ask for fewer samples"},
     {"gb", &ClientQuota::gb, "GB of store that unfinished jobs may need",
      "wait for jobs to finish, cancel some, or split the job"},

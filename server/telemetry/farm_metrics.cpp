@@ -59,7 +59,7 @@ FarmMetrics::Units unit_gauges(Registry& registry) {
 }
 
 std::array<Gauge*, 6> job_gauges(Registry& registry) {
-  Family<Gauge>& family = gauges(registry, "tessera_jobs", "Jobs that are not removed");
+  Family<Gauge>& family = gauges(registry, "tessera_jobs", "Jobs in the store");
   std::array<Gauge*, 6> jobs{};
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const std::string state = state_name(static_cast<JobState>(i + 1));
@@ -114,7 +114,8 @@ FarmMetrics::FarmMetrics()
       units(unit_gauges(registry_)),
       jobs(job_gauges(registry_)),
       workers(worker_gauges(registry_)),
-      worker_threads(gauge(registry_, "tessera_worker_threads", "Threads of the working workers")),
+      worker_threads(
+          gauge(registry_, "tessera_worker_threads", "Threads of workers in state working")),
       ingest_bytes(gauge(registry_, "tessera_ingest_bytes",
                          "Delivered blocks in memory that are not yet durable and merged")),
       film_bytes(gauge(registry_, "tessera_film_bytes", "Merged tiles in memory")),
@@ -134,14 +135,13 @@ FarmMetrics::FarmMetrics()
              {gauges(registry_, "tessera_limit_used_units", "Units of the limit that leases use"),
               "limit"}},
       budget_used_fraction(gauges(registry_, "tessera_budget_used_fraction",
-                                  "Part of the budget that is used in its period"),
+                                  "Fraction of the budget used in the current period"),
                            "account"),
       paused_jobs(paused_job_gauges(registry_)),
-      quota_used_fraction(
-          gauges(registry_, "tessera_client_quota_used_fraction",
-                 "Part that the client uses of its fullest quota of jobs and files"),
-          "client"),
+      quota_used_fraction(gauges(registry_, "tessera_client_quota_used_fraction",
+                                 "Fraction used of the client's quota closest to its limit"),
+                          "client"),
       quota_refusals(counters(registry_, "tessera_quota_refusals_total",
-                              "Requests of clients over a quota")) {}
+                              "Requests refused because of a quota")) {}
 
 }  // namespace tessera::server

@@ -24,7 +24,7 @@ std::string Health::why_unready() const {
   if (!is_accepting_) return "the server does not accept calls";
   const double silence = seconds_since(writer_);
   if (silence <= seconds(kWriterLimit)) return "";
-  return absl::StrFormat("the store has written nothing for %.0f s", silence);
+  return absl::StrFormat("the writer thread has been stuck for %.0f s", silence);
 }
 
 }  // namespace tessera::server

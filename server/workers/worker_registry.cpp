@@ -37,8 +37,9 @@ WorkerRegistry::Joined WorkerRegistry::join(const Hello& hello,
     });
   }
   connected = {++last_session_, std::move(connection)};
-  const std::string who = absl::StrCat(hello.name, " on ", hello.host, ", ", hello.isa, ", ",
-                                       hello.thread_count, " threads");
+  const std::string who =
+      absl::StrCat(hello.name, " on ", hello.host, ", ", hello.isa, ", ", hello.thread_count,
+                   hello.thread_count == 1 ? " thread" : " threads");
   change.note(EventKind::worker_joined, hello.worker_id, who);
   change.log(LogLevel::info, absl::StrCat("worker ", hello.worker_id, " connected: ", who));
   return {{key, connected.session},

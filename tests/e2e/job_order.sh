@@ -51,7 +51,7 @@ failing=$(farm submit "$scene" "${job[@]}" --name parent)
 child=$(farm submit "$scene" "${job[@]}" --seed 4 --name child --after parent)
 farm cancel parent >/dev/null
 equal "a job waits for one that was cancelled" "$(reason_of "$child")" \
-  "waits for job $failing, which is CANCELLED: \`tessera retry $failing\` resumes it, \`tessera set $child --no-after\` waits no longer"
+  "waits for job $failing, which is CANCELLED: \`tessera retry $failing\` resumes it, \`tessera set $child --no-after\` drops the dependency"
 farm remove parent >/dev/null
 equal "its removal fails the job" "$(state_of "$child")" "failed"
 restart

@@ -42,7 +42,7 @@ say "a job is rendered after the first certificates have expired"
 as client-ann quotas --json >"$work/quotas.json"
 grep -q '"quota": *"stored-gb"' "$work/quotas.json" || fail "no quotas"
 exits 2 tessera-server --listen unix:"$work/none" --store "$work/none" --client-quota ann:streems=3
-says "no quota is called \"streems\"; there are jobs, gigasamples"
+says "unknown quota \"streems\"; expected one of jobs, gigasamples"
 printf 'client-streems = 3\n' >"$work/bad.toml"
 exits 2 tessera-server --listen unix:"$work/none" --store "$work/none" --config "$work/bad.toml"
 says "client-streams"

@@ -66,7 +66,7 @@ std::string describe_float_fault() {
       static_cast<std::size_t>(std::min<unsigned long long>(now - before, names.size()));
   names.erase(names.begin(), names.end() - static_cast<std::ptrdiff_t>(recent));
   names.erase(std::remove(names.begin(), names.end(), ""), names.end());  // the program itself
-  const char* since = before == 0 ? "the thread was never right; libraries of the process: "
+  const char* since = before == 0 ? "the mode was never right; libraries of the process: "
                                   : "libraries loaded since the thread's last check: ";
   return absl::StrCat("the thread's floating-point mode is not the IEEE 754 default (MXCSR 0x",
                       absl::Hex(mode), (mode & kRounding) != 0 ? ", changes rounding" : "",

@@ -113,7 +113,7 @@ std::string Scheduler::dependency_text(const Job& job) const {
     if (has_ended(other->state)) {
       return absl::StrCat("waits for ", name, ", which is ", state_name(other->state),
                           ": `tessera retry ", dependency.job_id, "` resumes it, `tessera set ",
-                          job.spec->id, " --no-after` waits no longer");
+                          job.spec->id, " --no-after` drops the dependency");
     }
     const char* progress = is_frames                                  ? "to finish frames"
                            : dependency.kind == Dependency::Kind::end ? "to end"

@@ -51,7 +51,7 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
     if (query_.after != 0 && query_.after < dropped) {
       return finish(absl::DataLossError(
           absl::StrCat("events between ", query_.after, " and ", dropped,
-                       " are no longer kept; 0 continues with the oldest that is")));
+                       " are no longer kept; 0 starts with the oldest one that is")));
     }
     if (query_.after < coordinator_.events().complete_after()) {
       return io_.post([this] { read_stored(); });

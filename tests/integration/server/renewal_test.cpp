@@ -108,7 +108,7 @@ TEST_F(RenewalTest, ServerRenewsItself) {
 TEST_F(RenewalTest, FreshCertificateIsNotRenewed) {
   const grpc::Status status = renew_for("w1", contract::make_key()->signing_request);
   EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
-  EXPECT_NE(status.error_message().find("half of its time"), std::string::npos);
+  EXPECT_NE(status.error_message().find("half of its validity"), std::string::npos);
 }
 
 TEST_F(RenewalTest, EveryRoleKeepsItsRoleAndName) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "contract/film_block.h"
 
 namespace tessera::agent {
@@ -161,8 +162,8 @@ void RendererSupervisor::on_scene(const v1::LoadSceneResult& outcome) {
   }
   options_.log(
       LogLevel::info, outcome.job_id(),
-      absl::StrCat("job ", outcome.job_id(), ", frame ", outcome.frame(), ": scene loaded in ",
-                   outcome.load_seconds(), " s, built in ", outcome.build_seconds(), " s"));
+      absl::StrFormat("job %s, frame %d: scene loaded in %.3f s, built in %.3f s", outcome.job_id(),
+                      outcome.frame(), outcome.load_seconds(), outcome.build_seconds()));
   v1::SceneLoaded loaded;
   loaded.set_job_id(outcome.job_id());
   loaded.set_frame(outcome.frame());

@@ -16,9 +16,10 @@ std::vector<Problem> emissive_plane_warnings(const Scene& scene) {
     if (mesh.shape == nullptr || mesh.shape->bounded()) continue;
     const auto material = static_cast<std::size_t>(mesh.primitives[0].material);
     if (!(max_component(scene.materials[material].emission) > 0)) continue;
-    out.push_back({Problem::Severity::warning, absl::StrCat("nodes[", instance.node, "]"),
-                   "a plane has no finite power, so only rays that meet it by chance find its "
-                   "light; a large rectangle or an environment gives less noise"});
+    out.push_back(
+        {Problem::Severity::warning, absl::StrCat("nodes[", instance.node, "]"),
+         "a plane that emits light has no finite power, so it is not sampled as a light; a "
+         "large rectangle or an environment map gives less noise"});
   }
   return out;
 }

@@ -45,7 +45,7 @@ TEST(Dependency, FailureOfOtherBlocksUntilRetry) {
   EXPECT_EQ(second.state, JobState::queued);
   EXPECT_EQ(farm.scheduler.wait_text(second),
             "waits for job j1, which is FAILED: `tessera retry j1` resumes it, `tessera set j2 "
-            "--no-after` waits no longer");
+            "--no-after` drops the dependency");
   farm.leased(worker);
   ASSERT_TRUE(farm.scheduler.retry(first, farm.now).ok());
   farm.scheduler.grant_credits(worker, 1, farm.now);
