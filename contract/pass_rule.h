@@ -8,8 +8,8 @@
 namespace tessera::contract {
 
 /// Decides how many passes each tile of a frame gets in a job with a target error
-/// (docs/explanation/error-estimation.md). A pure function of what it is told, in any order. Every
-/// tile gets passes 0 and 1. Uses only + − × ÷ √ and a table of quantiles.
+/// (docs/explanation/error-estimation.md). A pure function of the sums that it is given, in any
+/// order. Every tile gets passes 0 and 1. Uses only + − × ÷ √ and a table of quantiles.
 class PassRule {
  public:
   virtual ~PassRule() = default;

@@ -23,7 +23,7 @@ inline constexpr std::int32_t kMaxSpp = 1 << 20;
 /// Returns the passes of a fixed sample count: they end at 8 samples (a preview), 64, 512, then
 /// every 512; the last is cut short. Blocks are rounded per pass, so the schedule affects pixels'
 /// bits and depends on the settings only. Few passes keep the traffic below half a megabyte per
-/// core second (docs/explanation/scaling.md). Requires 1 <= spp <= kMaxSpp.
+/// second and core (docs/explanation/scaling.md). Requires 1 <= spp <= kMaxSpp.
 std::vector<Pass> fixed_schedule(std::int32_t spp);
 
 /// Number of passes that every tile gets in a job with a target error.

@@ -75,8 +75,8 @@ struct RenderSettings {
   bool half = false;  // EXR of half floats; does not change pixels_sha256
   double clamp = 0;   // maximum radiance per sample and channel; 0: off
   bool cull_backfaces = false;
-  /// How rays find triangles: one of kStructureNames, or empty for the production BVH. Pixels do
-  /// not depend on it.
+  /// Acceleration structure: one of kStructureNames, or empty for the production BVH. Pixels do not
+  /// depend on it.
   std::string accelerator;
 
   /// Returns the part of the frame that is rendered.

@@ -9,7 +9,8 @@ inline constexpr int kRenderContract = 14;
 
 /// SHA-256, in hexadecimal, of the reference tile that every renderer of this contract computes at
 /// its start (worker/render/numerics/numerics_check.h). The server refuses a worker with another
-/// one. Measured with GCC 12 -O2 and Clang 14 -O1 with sanitizers, on Debian 12's image libraries.
+/// one. The same with GCC 12 -O2 and with Clang 14 -O1 and sanitizers, on Debian 12's image
+/// libraries.
 inline constexpr char kNumericsSha256[] =
     "fe1109fdbc6c1d14b01d544afdc482105cc530234f5ac71f7eb60160a1128f25";
 

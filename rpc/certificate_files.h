@@ -18,12 +18,12 @@ struct NewKey {
 /// Errors: Internal, OpenSSL failed.
 absl::StatusOr<NewKey> make_key();
 
-/// Returns when the certificate DIR/tls.crt is to be renewed: when two thirds of its time have
-/// passed. Errors: as certificate_end().
+/// Returns the time at which the certificate DIR/tls.crt is due for renewal: when two thirds of its
+/// validity have passed. Errors: as certificate_end().
 absl::StatusOr<WallTime> renewal_time(const std::string& folder);
 
-/// The right to replace the files in a directory: one process at a time has it, also if several
-/// share the directory. Ends with the object.
+/// Lock on the files of a directory, also between processes that share it. Released by the
+/// destructor.
 class CertificateLock {
  public:
   /// Errors: Unavailable, another process has it; PermissionDenied, the directory cannot be
@@ -38,8 +38,8 @@ class CertificateLock {
   const int file_;
 };
 
-/// Replaces DIR/tls.key and DIR/tls.crt durably. A process that is stopped in between leaves
-/// tls.renewed, from which finish_install() goes on. Requires the directory's lock.
+/// Replaces DIR/tls.key and DIR/tls.crt durably. A process that is killed in between leaves
+/// tls.renewed, from which finish_install() resumes. Requires the directory's lock.
 ///
 /// Errors: InvalidArgument, the certificate is not of this key; those of errno.
 absl::Status install_certificate(const std::string& folder, std::string_view key,
@@ -48,7 +48,7 @@ absl::Status install_certificate(const std::string& folder, std::string_view key
 /// Completes an installation that was interrupted; does nothing otherwise. Requires the directory's
 /// lock. Errors: those of errno.
 absl::Status finish_install(const std::string& folder);
-/// The same without the lock. Fails silently where the files belong to somebody else.
+/// The same without the lock. Does nothing if the files belong to another user.
 void repair_install(const std::string& folder);
 
 }  // namespace tessera::contract

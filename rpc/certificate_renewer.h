@@ -17,14 +17,14 @@ namespace tessera::contract {
 
 /// Renews the certificate in the directory `folder` through `channel` if it is due: makes a key,
 /// has it signed by the farm's authority, and replaces the files. Returns whether there is a new
-/// certificate, also if another process has renewed it.
+/// certificate, which another process may have obtained.
 ///
 /// Errors: those of RenewCertificate, and of certificate_files.h.
 absl::StatusOr<bool> renew_certificate(const std::shared_ptr<grpc::Channel>& channel,
                                        const std::string& folder);
 
-/// Keeps a program's certificate valid: a thread that renews it when it is due, and tries again
-/// when that fails.
+/// Keeps a program's certificate valid: a thread renews it when it is due, and retries after
+/// failures.
 class CertificateRenewer {
  public:
   struct Options {

@@ -26,8 +26,8 @@ inline constexpr int kMaxMessageBytes = 4 << 20;
 /// socket or a loopback host.
 bool is_local_address(const std::string& address);
 
-/// How soon a connection whose peer has vanished counts as lost. After 1.5 s
-/// without a message a ping is sent, whose answer has to arrive within the rest of the time.
+/// Time after which a connection without messages counts as lost. A ping is sent after 1.5 s
+/// without a message; its answer must arrive within the rest of the time.
 enum class Keepalive : std::uint8_t {
   interactive,  // 4.5 s: streams resume within 5 s
   bulk,         // 11.5 s: for data that delays the answers to pings on a slow line

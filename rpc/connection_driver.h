@@ -12,9 +12,9 @@ namespace tessera::contract {
 
 /// Keeps the connection attempts of a channel going while no call waits on it.
 ///
-/// gRPC looks at a connection only while some call waits on its channel, and otherwise once in 5 s.
-/// A TLS handshake has several steps, so without this a program that retries failed calls is
-/// connected again after half a minute. Unix sockets have no handshake and do not need it.
+/// gRPC processes a connection attempt only while some call waits on its channel, and otherwise
+/// every 5 s. A TLS handshake has several steps, so without this a program that retries failed
+/// calls reconnects only after half a minute. Unix sockets have no handshake and do not need it.
 class ConnectionDriver {
  public:
   explicit ConnectionDriver(std::shared_ptr<grpc::Channel> channel);

@@ -49,8 +49,8 @@ std::string default_server();
 /// Prints "tessera: MESSAGE" to stderr and returns exit_code(status.code()).
 int fail(const absl::Status& status);
 
-/// Ends the program after its output is written, without closing its connections, which takes as
-/// long as a short command itself. Returns in builds that check for leaks or measure coverage.
+/// Flushes the output and ends the program without closing its connections, because closing takes
+/// as long as a short command. Returns normally in builds that check for leaks or measure coverage.
 void exit_at_once(int code);
 
 }  // namespace tessera::client

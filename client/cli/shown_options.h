@@ -17,11 +17,11 @@ struct ShownOption {
   std::string default_value;  // empty: none
 };
 
-/// The options of `app` that --help shows, without positional arguments, then those of its option
-/// groups.
+/// Returns the options of `app` that --help shows, without positional arguments, then those of its
+/// option groups.
 std::vector<ShownOption> shown_options(const CLI::App& app);
 
-/// The subcommands of `app` that --help shows, in its order.
+/// Returns the subcommands of `app` that --help shows, in the order of --help.
 std::vector<const CLI::App*> shown_subcommands(const CLI::App& app);
 
 }  // namespace tessera::client

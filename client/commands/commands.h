@@ -33,7 +33,8 @@ void add_extend_command(CLI::App& app, Invocation& invocation);
 void add_set_command(CLI::App& app, Invocation& invocation);
 /// Adds logs and events.
 void add_events_commands(CLI::App& app, Invocation& invocation);
-/// Adds workers with its orders: pool, set-aside, bring-back, block, unblock, drain, ban, allow.
+/// Adds workers with its subcommands: pool, set-aside, bring-back, block, unblock, drain, ban,
+/// allow.
 void add_workers_command(CLI::App& app, Invocation& invocation);
 /// Adds limits with set and remove.
 void add_limits_command(CLI::App& app, Invocation& invocation);

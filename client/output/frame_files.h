@@ -24,7 +24,7 @@ absl::StatusOr<v1::FetchFrameRequest::Format> format_of(const std::string& path)
 /// Inserts a frame number of at least four digits: "out.exr" and 7 give "out.0007.exr".
 std::string with_frame_number(const std::string& path, std::int32_t frame);
 
-/// How to fetch a frame of a job.
+/// A frame of a job to fetch, and its destination.
 struct FrameFile {
   std::string job_id;
   std::int32_t frame = 0;

@@ -62,9 +62,9 @@ struct DenoisedTile {
 /// within kDenoiseMargin of the tile.
 ///
 /// The replicates form two halves. Each half is filtered with its own samples only, and its filter
-/// is chosen by them; the result is the mean of both. Hence the samples of one half measure the
-/// error of the other without bias, and (d − μ)² of the mean d of two halves d₁, d₂ is the mean of
-/// theirs less (d₁ − d₂)²/4.
+/// is chosen by them; the result is the mean of both. So the samples of one half measure the error
+/// of the other without bias. The squared error (d − μ)² of d, the mean of the halves d₁ and d₂, is
+/// the mean of their squared errors minus (d₁ − d₂)²/4.
 ///
 /// A half is filtered three times. NL-means with small windows (Rousselle et al. 2012, 2013) over
 /// colour and features gives a guide. Its distances weight a zero-order filter, and a first-order

@@ -14,10 +14,10 @@ struct FilterParameters {
   /// 1/(0.2 z) for depth.
   static constexpr float kAlbedoScale = 3.1622777f, kNormalScale = 1.8257419f, kDepthScale = 5;
   static constexpr float kRidge = 0.1f, kMinPivot = 1e-6f;
-  /// Share of the raw image's variance that is added to the error of a filter: it has seen the
-  /// samples that it is judged by.
+  /// Fraction of the raw image's variance that is added to the estimated error of a filter, because
+  /// the filter was computed from the samples that estimate its error.
   static constexpr double kRawAdvantage = 0.05;
-  /// Share of the raw image's variance by which a mixture must be better than the raw image.
+  /// Fraction of the raw image's variance by which a mixture must be better than the raw image.
   static constexpr double kLeastGain = 0.1;
   static constexpr float kErrorFloor = 0.01f;  // as in the contract's error
 };

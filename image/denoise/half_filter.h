@@ -10,7 +10,7 @@ constexpr int kHalfFeatures = 8;
 using Plane = std::vector<float>;
 using ColourPlanes = std::array<Plane, 3>;
 
-/// Both streams of a half under the same filter.
+/// The results of a filter for both streams of a half.
 struct StreamPair {
   ColourPlanes a, b;
 };
@@ -31,7 +31,7 @@ struct FilteredHalf {
   StreamPair zero_order, first_order;
 };
 
-/// Distance from the border of a Half to where its candidates are defined.
+/// Width of the border of a Half in which its candidates are not defined.
 constexpr std::int32_t kFilterInset = 16;
 
 /// Computes features and weights of a half from the features of its streams.

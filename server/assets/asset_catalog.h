@@ -18,7 +18,7 @@
 
 namespace tessera::server {
 
-/// Assets: which are stored, who may read them, which are kept; deletes the others.
+/// Knows which assets are stored, who may read them and which must be kept, and deletes the others.
 /// Thread-safe; its lock may be taken while the farm is locked.
 class AssetCatalog {
  public:
@@ -49,7 +49,7 @@ class AssetCatalog {
   /// Counts an asset that `owner` is about to upload towards its quota. Errors: ResourceExhausted.
   absl::Status begin_upload(const std::string& owner, const contract::Digest& digest,
                             std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// The upload has failed.
+  /// Notes that an upload has failed.
   void drop_upload(const std::string& owner, const contract::Digest& digest)
       ABSL_LOCKS_EXCLUDED(mutex_);
   /// Returns the size of the assets that count towards the owner's quota: those of its jobs, and
@@ -57,7 +57,7 @@ class AssetCatalog {
   std::int64_t bytes_of(const std::string& owner) const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Keeps the assets of a job.
   void add_job(JobKey key, const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// A removed job no longer needs its assets. On the writer thread.
+  /// Releases the assets of a removed job. On the writer thread.
   absl::Status release(JobKey key, const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -75,7 +75,7 @@ class AssetCatalog {
     Time time;
     std::int64_t bytes = -1;  // negative: not known
   };
-  /// Assets that somebody asked for within the last hour or so.
+  /// Assets that were requested within about the last hour.
   std::map<contract::Digest, Asked> asked_ ABSL_GUARDED_BY(mutex_);
   /// Number of entries of asked_ at which those that are too old are removed.
   std::size_t max_asked_ ABSL_GUARDED_BY(mutex_) = 1000;

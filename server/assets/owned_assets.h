@@ -13,20 +13,20 @@
 
 namespace tessera::server {
 
-/// Which assets count towards whose quota: those that an owner's jobs name, each once, and those
-/// that the owner has uploaded within the last hour. Plain data without a lock.
+/// Assets that count towards the quotas of their owners: those that an owner's jobs name, each
+/// once, and those that the owner has uploaded within the last hour. Plain data without a lock.
 class OwnedAssets {
  public:
   /// Time for which an upload that no job names is kept, and counts.
   static constexpr auto kUploadAge = std::chrono::hours(1);
 
-  /// Another job of the owner names the asset, and no longer does.
+  /// Add and remove a job of the owner that names the asset.
   void add_job(const std::string& owner, const contract::Digest& digest, std::int64_t bytes);
   void remove_job(const std::string& owner, const contract::Digest& digest);
-  /// The owner has begun to upload the asset, or repeats it.
+  /// Notes that the owner has begun, or repeated, an upload of the asset.
   void add_upload(const std::string& owner, const contract::Digest& digest, std::int64_t bytes,
                   Time now);
-  /// The upload has failed.
+  /// Notes that the upload has failed.
   void drop_upload(const std::string& owner, const contract::Digest& digest);
 
   /// Returns the sum over the owner's assets, after forgetting uploads that are too old.

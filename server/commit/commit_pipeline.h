@@ -21,7 +21,7 @@ namespace tessera::server {
 /// Writes rows and runs tasks that write, in order, on one thread, with one transaction per round;
 /// answers carry the outcome. No other thread writes to the journal or to segment files.
 ///
-/// Events are written with the rows of the changes that they tell of, and become visible when the
+/// Events are written with the rows of the changes that they report, and become visible when the
 /// transaction is durable.
 class CommitPipeline final : public EffectHandler {
  public:
@@ -30,8 +30,8 @@ class CommitPipeline final : public EffectHandler {
 
   CommitPipeline(FarmState& farm, Store& store);
 
-  /// Body of the writer thread: writes what is pending, after waiting for something if `wait`.
-  /// Returns whether it did anything.
+  /// Body of the writer thread: writes what is pending; if `wait`, first waits until there is
+  /// something. Returns whether it did anything.
   bool run(bool wait) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Ends waiting rounds. Further rounds without waiting still write what is queued.
   void stop() ABSL_LOCKS_EXCLUDED(mutex_);
@@ -43,11 +43,11 @@ class CommitPipeline final : public EffectHandler {
   void post_write(std::function<absl::Status()> write, Answer done) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Runs a task on the writer thread between transactions, in order with what was posted before.
   void post(std::function<void()> task) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Records an event in the transaction of the round. Within `write` of post_write(), after what
-  /// the event tells of has been written.
+  /// Records an event in the transaction of the round. Call within `write` of post_write(), after
+  /// the change that the event reports has been written.
   void tell(Event event) { told_.push_back(farm_.events().stamp(std::move(event))); }
-  /// Runs `write` and records an event in one transaction. Within a task of post(). Errors: those
-  /// of `write`; then there is no event.
+  /// Runs `write` and records an event in one transaction. Call within a task of post(). Errors:
+  /// those of `write`; then there is no event.
   absl::Status write_and_tell(const std::function<absl::Status()>& write, Event event);
   /// Writes the job's row as it is at the end of this change, then calls `answer` with the outcome.
   void answer_when_written(FarmChange& change, JobKey job, Answer answer)

@@ -22,16 +22,16 @@
 
 namespace tessera::server {
 
-/// Builds the parts of a farm over a store, hands them out, and drives them: the writer thread, the
-/// film thread and the timer. Decides nothing itself.
+/// Constructs the parts of a farm over a store, gives access to them, and runs them: the writer
+/// thread, the film thread and the timer. Makes no decisions.
 class Coordinator {
  public:
   /// Loads the jobs of the store. `store` must outlive the coordinator, which is its only writer.
   static absl::StatusOr<std::unique_ptr<Coordinator>> open(Store& store, FarmOptions options);
 
   // Threads.
-  /// Body of the writer thread: writes what is pending, waiting for something if `wait`. Returns
-  /// whether it did anything. Call from one thread only.
+  /// Body of the writer thread: writes what is pending; if `wait`, first waits until there is
+  /// something. Returns whether it did anything. Call from one thread only.
   bool run_writer(bool wait) { return pipeline_.run(wait); }
   /// Body of the film thread, like run_writer().
   bool run_film(bool wait) { return finisher_.tasks().run(wait); }

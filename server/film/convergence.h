@@ -28,7 +28,7 @@ struct ConvergenceResult {
   std::vector<std::string> reasons;  // in words; empty if converged
 };
 
-/// The figures of a frame that its claim rests on: of the denoised image if there is one.
+/// The figures that a frame's claim is based on: those of the denoised image if there is one.
 struct ClaimedError {
   double error_upper95 = 0;
   double n_eff = 0;  // the smaller one of the raw and the denoised image; 0 without error

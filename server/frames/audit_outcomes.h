@@ -10,16 +10,16 @@
 
 namespace tessera::server {
 
-/// Carries out what audits have shown: records their end, drops the units of a faulty worker and
-/// bans it, and warns in the reports of jobs whose finished frames may contain its units. Has no
-/// state.
+/// Carries out the outcomes of audits: records their end, drops the units of a faulty worker and
+/// bans it, and adds warnings to the reports of jobs whose finished frames may contain its units.
+/// Has no state.
 class AuditOutcomes final : public EffectHandler {
  public:
   AuditOutcomes(FarmState& farm, Store& store, CommitPipeline& pipeline, FrameFinisher& finisher)
       : farm_(farm), store_(store), pipeline_(pipeline), finisher_(finisher) {}
 
   void carry_out(FarmChange& change, const Effects& effects) override;
-  /// Drops the units of a worker in an unfinished frame, which is not finished before.
+  /// Drops the units of a worker in an unfinished frame; the frame is not finished before that.
   void redo_frame(FarmChange& change, const Job& job, std::int32_t frame,
                   const std::string& worker_id);
 

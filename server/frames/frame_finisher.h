@@ -27,7 +27,7 @@ struct FilmUpdate {
   std::string job_id;
   contract::Unit unit;
   std::optional<contract::FilmBlock> block;
-  /// Memory of the block, given back when the update is destroyed. Owners: copies of the update.
+  /// Memory of the block, released when the update is destroyed. Owners: copies of the update.
   std::shared_ptr<void> memory;
 };
 
@@ -49,7 +49,7 @@ class FrameFinisher final : public EffectHandler {
   void finish_if_complete(FarmChange& change, Job& job, std::int32_t frame);
   /// Finishes frames that were completed while the job was not active, and opens the others.
   void catch_up(FarmChange& change, Job& job);
-  /// Drops what the film holds of the job's frames.
+  /// Drops the film of the job's frames.
   void close_frames(const Job& job);
   /// Opens a frame and passes its targets to the scheduler. On the film thread.
   void open(const FrameKey& key);

@@ -45,15 +45,15 @@ absl::Status issue(const std::string& folder, Role role, const std::string& name
 /// (PKCS #10, PEM): the same role and name, valid as long from now on. Lists it in `issued`.
 ///
 /// Errors: InvalidArgument, the request is malformed or its key is not on P-256;
-/// FailedPrecondition, less than half of the present one's time has passed, or the authority's key
-/// is kept elsewhere; Unauthenticated, the present one is revoked.
+/// FailedPrecondition, less than half of the present one's validity has passed, or the authority's
+/// key is not in `folder`; Unauthenticated, the present one is revoked.
 absl::StatusOr<std::string> renew(const std::string& folder, const Identity& present,
                                   const std::string& signing_request, std::int64_t now_s);
 
-/// Returns whether two thirds of a certificate's time have passed.
+/// Returns whether two thirds of a certificate's validity have passed.
 bool is_renewal_due(const Validity& validity, std::int64_t now_s);
 
-/// What renew_server() has done.
+/// Result of renew_server().
 struct ServerRenewal {
   bool is_renewed = false;
   std::int64_t again_s = 3600;  // time after which it should be called again

@@ -55,7 +55,7 @@ class JobAdmin {
   };
   /// Extends a job durably, then calls `done`. After an error nothing has changed.
   void extend_job(const std::string& job_id, const Extension& extension, OnJob done);
-  /// New order, requirements, limits and blocked workers of a job; absent: unchanged.
+  /// New priority, requirements, limits and blocked workers of a job; absent: unchanged.
   struct Update {
     std::optional<std::int32_t> priority, max_workers;
     std::optional<std::string> required_tag, pool;

@@ -17,14 +17,15 @@
 
 namespace tessera::server {
 
-/// Checks the quotas of the owner of `spec` with this job in its new form, and with what it uses
-/// besides the farm's jobs. Errors: ResourceExhausted.
+/// Checks that the owner of `spec` stays within its quotas with this new or changed job. `use`:
+/// what the owner uses besides its jobs. Errors: ResourceExhausted.
 absl::Status check_owners_quota(const FarmView& farm, const JobSpec& spec, OwnerUse use);
 
 /// Errors: NotFound, a limit does not exist.
 absl::Status check_limits_exist(const FarmView& farm, const std::vector<LimitUse>& uses);
 
-/// Creates jobs: who may have which, once per request, durable before the answer.
+/// Creates jobs: checks whether the client may have them, creates one per request ID, and answers
+/// when the job is durable.
 class JobAdmission {
  public:
   JobAdmission(FarmState& farm, Store& store, CommitPipeline& pipeline, AssetCatalog& assets)
@@ -39,8 +40,8 @@ class JobAdmission {
     std::int64_t store_bytes = 0;
   };
   using OnCreated = std::function<void(absl::StatusOr<Created>)>;
-  /// Creates a job durably, then calls `done`. `visible_owner`: whose jobs it may wait for; empty:
-  /// everybody's. Errors: as CreateJob in job_service.proto.
+  /// Creates a job durably, then calls `done`. `visible_owner`: owner of the jobs that it may
+  /// depend on; empty: all owners. Errors: as CreateJob in job_service.proto.
   void create_job(JobSpec spec, OnCreated done, std::string visible_owner = {});
 
  private:

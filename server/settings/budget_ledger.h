@@ -10,13 +10,13 @@
 
 namespace tessera::server {
 
-/// After which use starts from zero, in UTC; numbers as in v1.Budget.Period.
+/// Period after which the used amount is reset, in UTC; numbers as in v1.Budget.Period.
 enum class BudgetPeriod : std::int32_t { ever = 1, day = 2, week = 3, month = 4 };
 
 /// The effect of a budget that is used up; numbers as in v1.Budget.Action.
 enum class BudgetAction : std::int32_t { warn = 1, stop = 2 };
 
-/// How much CPU time an account may use in a period.
+/// CPU time that an account may use per period.
 struct Budget {
   double cpu_seconds = 0;
   BudgetPeriod period = BudgetPeriod::ever;
@@ -24,10 +24,10 @@ struct Budget {
   double warning_fraction = 0.8;
 };
 
-/// How much of a budget is used.
+/// Level of a budget's use.
 enum class BudgetLevel : std::int32_t { below = 0, warning = 1, used_up = 2 };
 
-/// A budget and what is used of it in the current period.
+/// A budget and its use in the current period.
 struct BudgetState {
   Budget budget;
   std::int64_t period_start_us = 0;  // wall clock; 0: of BudgetPeriod::ever
@@ -43,11 +43,11 @@ std::int64_t period_start_us(BudgetPeriod period, std::int64_t now_us);
 /// Returns the account for users: "client ann".
 std::string account_text(const Account& account);
 
-/// Returns what is used of a budget, for users.
+/// Returns a text about the use of a budget, for users.
 std::string budget_text(const Account& account, const BudgetState& state);
 
-/// Budgets of accounts and what is used of them. A period begins when its start has passed; a clock
-/// that is set back begins none again. Pure.
+/// Budgets of accounts and their use. A period begins when its start has passed; a clock that is
+/// set back does not begin a period again. Pure.
 class BudgetLedger {
  public:
   using ByAccount = std::map<Account, BudgetState>;
@@ -68,7 +68,7 @@ class BudgetLedger {
   std::vector<Account> take_untold();
   /// Forgets that events tell of this account's level.
   void untell(const Account& account);
-  /// Returns why accounts are leased nothing.
+  /// Returns, for accounts that are leased nothing, the reason.
   std::map<Account, std::string> stop_reasons() const;
 
  private:

@@ -15,8 +15,9 @@
 
 namespace tessera::server {
 
-/// Budgets of clients and projects: compares them with the accounts of the store, tells of those
-/// that run short, and has the scheduler stop leasing to those that are used up. Thread-safe.
+/// Budgets of clients and projects: compares them with the accounts of the store, publishes events
+/// about those that run short, and has the scheduler stop jobs whose budget is used up.
+/// Thread-safe.
 class Budgets {
  public:
   static constexpr std::size_t kMaxBudgets = 10'000;

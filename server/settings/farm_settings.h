@@ -19,8 +19,9 @@ struct LimitView {
   std::int64_t units = 0, used = 0;
 };
 
-/// Limits, places of workers, and the use of owners: what operators set, and what the farm
-/// remembers besides jobs. Durable before a change is in effect. Thread-safe.
+/// Limits, pools of workers, workers that are set aside, and the use of owners: settings of
+/// operators and the farm's memory besides jobs. A change is durable before it takes effect.
+/// Thread-safe.
 class FarmSettings {
  public:
   static constexpr std::size_t kMaxLimits = 10'000;
@@ -28,7 +29,8 @@ class FarmSettings {
   FarmSettings(FarmState& farm, Store& store, CommitPipeline& pipeline)
       : farm_(farm), store_(store), pipeline_(pipeline) {}
 
-  /// Passes what the store holds to the farm, before any thread runs. Errors: those of the store.
+  /// Loads the settings of the store into the farm, before any thread runs. Errors: those of the
+  /// store.
   absl::Status load(FarmChange& change);
 
   /// Sets how many units of a limit exist, then calls `done`. Errors: ResourceExhausted, there are

@@ -18,7 +18,7 @@ struct JobSize {
 };
 JobSize max_job_size(const JobSpec& spec);
 
-/// What a client may use at most; 0: unlimited. The server's options --client-NAME set them.
+/// Limits of what a client may use; 0: unlimited. The server's options --client-QUOTA set them.
 struct ClientQuota {
   double jobs = 0;                 // unfinished
   double gigasamples = 0;          // pixels × samples of unfinished jobs, 10⁹
@@ -72,7 +72,7 @@ struct ClientQuotas {
 absl::Status over_quota(const std::string& client, const QuotaKind& kind, double used,
                         double limit);
 
-/// What a client uses of its quotas by its jobs and files.
+/// A client's use of its quotas, as far as its jobs and files count.
 struct OwnerUse {
   std::int64_t jobs = 0;                // unfinished
   double store_bytes = 0, samples = 0;  // what these may need

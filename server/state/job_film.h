@@ -50,7 +50,7 @@ struct JobFilm {
   std::int64_t unit_samples(Job& job, const contract::Unit& unit);
   /// Counts a finished frame.
   void count_finished(const FrameRecord& record, const FrameSummary& summary);
-  /// Forgets what the frames have come to, for a job that starts over with other settings.
+  /// Forgets the progress and results of frames, for a job that starts over with other settings.
   void reset();
   /// Returns the samples of the whole job. With a target error they are predicted: frames not
   /// started count as the mean of the others.

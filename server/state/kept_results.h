@@ -9,11 +9,11 @@
 
 namespace tessera::server {
 
-/// What ended jobs keep on disk, by job and owner: images, and blocks of jobs that are not DONE.
-/// Plain data without a lock.
+/// Disk space of ended jobs, by job and owner: images, and blocks of jobs that are not DONE. Plain
+/// data without a lock.
 class KeptResults {
  public:
-  /// Replaces what is known of a job; 0 for one that has not ended.
+  /// Sets the size of a job's results; 0 for one that has not ended.
   void set(JobKey key, const std::string& owner, std::int64_t bytes) {
     remove(key);
     if (bytes == 0) return;

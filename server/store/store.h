@@ -68,7 +68,7 @@ struct FrameRecord {
   std::int64_t image_bytes = 0;  // of a frame that is being finished; not read back
 };
 
-/// Which settings of the farm; the numbers are stored.
+/// Kind of the farm's settings; the numbers are stored.
 enum class SettingKind : std::int32_t {
   limit = 1,  // units, by limit
   pool = 2,   // pool, by worker that an operator moved

@@ -23,7 +23,7 @@ struct UsageSum {
   double cpu_seconds = 0;
 };
 
-/// Selects and groups what jobs used.
+/// Selects and groups the use of jobs.
 struct UsageQuery {
   bool by_owner = false, by_project = false, by_job = false;
   std::int64_t first_hour = 0, end_hour = std::int64_t{1} << 40;
@@ -32,8 +32,8 @@ struct UsageQuery {
 };
 
 /// Accounts of committed units: each unit counts once, in the hour of its commit, also after its
-/// job is removed. A unit that was dropped because of the farm does not count. Written by
-/// Store::commit() and Store::drop_units().
+/// job is removed. A unit that was dropped because a worker was faulty or a block damaged does not
+/// count. Written by Store::commit() and Store::drop_units().
 class UsageStore {
  public:
   virtual ~UsageStore() = default;
@@ -41,7 +41,7 @@ class UsageStore {
   /// Returns up to `limit` groups by owner, project, job. Any thread; may be slow.
   virtual absl::StatusOr<std::vector<UsageSum>> read(const UsageQuery& query,
                                                      std::size_t limit) const = 0;
-  /// What a job keeps on disk.
+  /// Disk space of a job.
   struct Kept {
     std::int64_t image_bytes = 0, block_bytes = 0;
   };

@@ -48,7 +48,7 @@ class EventLog {
     bool has_lost = false;  // events before these, of which there were too many
   };
   Pending take_pending();
-  /// The write failed: what take_pending() returned comes first again.
+  /// Puts the result of take_pending() back in front, after its write failed.
   void put_back(Pending pending);
   /// Returns the event with its time.
   Event stamp(Event event) const;

@@ -49,8 +49,8 @@ class FarmMetrics {
   } workers;  // disconnected: without a stream, before the timeout
   prometheus::Gauge &worker_threads, &ingest_bytes, &film_bytes, &film_queue_length, &store_bytes;
 
-  /// By pool: what a worker of it could be leased now, the longest time that a job of it has waited
-  /// for that, and the threads of its workers.
+  /// By pool: units that a worker of it could be leased now, the longest time that a job of it has
+  /// waited for a lease, and the threads of its workers.
   struct Pools {
     LabelledGauges units_waiting, oldest_wait_seconds, worker_threads;
   } pools;
@@ -59,7 +59,7 @@ class FarmMetrics {
   } limits;                                       // by name
   LabelledGauges budget_used_fraction;            // by account
   std::array<prometheus::Gauge*, 3> paused_jobs;  // by PauseCause − 1
-  /// By client: the part of its quota that is used most; of jobs and files.
+  /// By client: fraction used of its quota of jobs and files that is closest to its limit.
   LabelledGauges quota_used_fraction;
 
   /// Requests that were refused, by quota.

@@ -9,8 +9,8 @@
 
 namespace tessera::server {
 
-/// Whether the server works, from signs of life of its threads, for probes of liveness and
-/// readiness. Thread-safe and without locks: it answers while the farm's lock is stuck.
+/// Health of the server, derived from signs of life of its threads, for probes of liveness and
+/// readiness. Thread-safe and lock-free, so that it answers even if the farm's lock is stuck.
 class Health {
  public:
   /// Time after which a thread that gives no sign counts as stuck.
@@ -25,9 +25,10 @@ class Health {
   /// Calls are accepted from now on, or no longer.
   void set_accepting(bool is_accepting) { is_accepting_ = is_accepting; }
 
-  /// Returns "" if the server is alive, else why not: it must be started again.
+  /// Returns "" if the server is alive, else the reason why not: it must be restarted.
   std::string why_dead() const;
-  /// Returns "" if the server is alive and can take work, else why not: callers should wait.
+  /// Returns "" if the server is alive and can take work, else the reason why not: callers should
+  /// wait.
   std::string why_unready() const;
 
  private:

@@ -40,7 +40,7 @@ struct LogLine {
   std::string text;
 };
 
-/// Connections of workers: their reports, their outboxes, and operators' orders about them.
+/// Connections of workers: handles their reports, their outboxes, and operators' commands for them.
 /// Thread-safe; its table is changed only with the farm locked.
 class WorkerRegistry final : public EffectHandler {
  public:

@@ -18,7 +18,7 @@ class MetricsListener {
  public:
   /// Collects the metrics. Called on a thread of the listener; must return quickly.
   using Collect = std::function<std::vector<prometheus::MetricFamily>()>;
-  /// Returns "" if all is well (status 200), else why not (503). Like Collect.
+  /// Returns "" if all is well (status 200), else the reason why not (503). Like Collect.
   using Probe = std::function<std::string()>;
   /// Probes of an orchestrator: GET /livez, GET /readyz. Empty: 404.
   struct Probes {

@@ -36,7 +36,8 @@ struct TraceOptions {
   /// can compare specialised code with the general path. See docs/notes/unused-features.md.
   std::uint64_t assumed_features = 0;
   /// Adds the work of queries to thread_traversal_counts(). The tree is then that of AVX2, whose
-  /// nodes have eight children, so that the counts do not depend on `isa`; packets are not taken.
+  /// nodes have eight children, so that the counts do not depend on `isa`, and rays are not traced
+  /// in packets.
   bool counted = false;
 };
 

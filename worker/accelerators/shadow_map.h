@@ -11,9 +11,9 @@ namespace tessera::render {
 
 /// Maps of the depths seen from the scene's lights: a cube for a point or spot light, one square
 /// across the scene for a directional light. They answer shadow rays only where bounds prove the
-/// answer, so that it is that of SceneAccel; all other rays are traced. Renders do not use them;
-/// docs/notes/accelerators-compared.md has the measurements. Source: L. Williams, "Casting curved
-/// shadows on curved surfaces", 1978.
+/// answer, so that it always equals that of SceneAccel; all other rays are traced. Renders do not
+/// use them; docs/notes/accelerators-compared.md has the measurements. Source: L. Williams,
+/// "Casting curved shadows on curved surfaces", 1978.
 class ShadowMap {
  public:
   enum class Answer : std::uint8_t { visible, occluded, unknown };

@@ -41,7 +41,7 @@ MediumSegment segment_along(const ShadingScene& scene, const MediumStack& stack,
                             double begin, double end);
 
 /// Random numbers for tracking in heterogeneous media, which need an unbounded count. They depend
-/// only on the sample and on what the path did before, not on threads or tiles.
+/// only on the sample and on the earlier events of the path, not on threads or tiles.
 class HashSequence {
  public:
   explicit HashSequence(const Sampler& sampler) : sampler_(&sampler) {}

@@ -9,9 +9,9 @@ namespace tessera::render {
 /// libraries are loaded. Costs about 0.1 microseconds.
 bool has_ieee_floats();
 
-/// Says, after has_ieee_floats() has returned false, what is wrong with the calling thread and
-/// which shared libraries were loaded since its last check that succeeded. One of them has probably
-/// changed the mode: a process cannot know which instruction wrote the register.
+/// Returns a description of the calling thread's wrong mode, after has_ieee_floats() has returned
+/// false, with the shared libraries loaded since the thread's last successful check. One of them
+/// has probably changed the mode; the process cannot find out which instruction did.
 std::string describe_float_fault();
 
 /// Aborts the process with that description and `place` ("at the start of a unit") if

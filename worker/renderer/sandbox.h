@@ -13,7 +13,7 @@ inline constexpr bool kHasSanitizer = true;
 inline constexpr bool kHasSanitizer = false;
 #endif
 
-/// What enter_sandbox() achieved besides the seccomp filter.
+/// Result of enter_sandbox() besides the seccomp filter.
 struct Confinement {
   /// By Landlock: to system libraries and what /proc says of this process.
   bool reads_are_limited = false;

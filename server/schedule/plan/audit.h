@@ -37,8 +37,8 @@ class Audit {
   void set_committers_witness(const std::string& witness) { answers_.front().witness = witness; }
   std::set<std::string> witnesses() const;
   bool has_answered(const std::string& witness) const;
-  /// Returns whether another result of this witness would help. `others`: there are witnesses that
-  /// were not asked yet.
+  /// Returns whether another result of this witness would help. `others`: whether there are
+  /// witnesses that have not been asked yet.
   bool may_ask(const std::string& witness, bool others) const;
   void answer(const std::string& worker_id, const contract::Digest& digest,
               const std::string& witness = {});

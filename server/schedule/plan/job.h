@@ -92,7 +92,7 @@ struct SceneLoad {
   std::int64_t accelerator_bytes = 0;
 };
 
-/// The most that a job may need, or the sum of that over an owner's unfinished jobs.
+/// Upper bound of a job's needs, or its sum over an owner's unfinished jobs.
 struct Demand {
   std::int64_t jobs = 0;
   double store_bytes = 0, samples = 0;

@@ -69,7 +69,7 @@ struct LimitUse {
   auto operator<=>(const LimitUse&) const = default;
 };
 
-/// Whose use is counted together; numbers as in v1.Budget.Scope.
+/// Kind of an account; numbers as in v1.Budget.Scope.
 enum class AccountScope : std::int32_t { owner = 1, project = 2 };
 
 /// The jobs of an owner, or those of a project.
@@ -79,7 +79,7 @@ struct Account {
   auto operator<=>(const Account&) const = default;
 };
 
-/// The pool of workers and jobs that name none.
+/// Pool of workers and jobs that name no pool.
 inline constexpr char kDefaultPool[] = "default";
 
 /// Returns the name under which workers of a pool with a tag are counted, and jobs that require

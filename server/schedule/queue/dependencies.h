@@ -10,7 +10,7 @@
 
 namespace tessera::server {
 
-/// Which jobs wait for which, and how those ended that have been removed since. Pure.
+/// Dependencies between jobs, and the final states of removed jobs that others depend on. Pure.
 class Dependencies {
  public:
   void add(JobKey job, const std::vector<Dependency>& after);
@@ -40,8 +40,8 @@ enum class DependencyState {
   impossible,  // the other job was removed and can never be DONE
 };
 
-/// Returns what a dependency on the job as a whole comes to, in this state of the other job. That
-/// of frames is met: they wait one by one.
+/// Returns the state of a dependency that concerns the whole job, given the other job's state. A
+/// dependency of frames counts as met: frames wait one by one.
 DependencyState state_of(Dependency::Kind kind, JobState other, bool is_removed);
 
 }  // namespace tessera::server

@@ -8,16 +8,16 @@
 
 namespace tessera::server {
 
-/// An owner's use of the farm that has not faded yet.
+/// An owner's use of the farm, decayed to the time of the table.
 struct UsageRow {
   std::string owner;
   double cpu_seconds = 0;
 };
 
-/// CPU seconds that owners have used, divided by their weights. Use fades: it counts half after
-/// each half-life, whether its job has ended or not.
+/// CPU seconds that owners have used, divided by their weights. Use decays: it is halved in each
+/// half-life, whether its job has ended or not.
 ///
-/// All use fades at the same rate, so the order of owners changes only with charges. Therefore a
+/// All use decays at the same rate, so the order of owners changes only with charges. Therefore a
 /// position is the use scaled by 2^(age of the table / half-life): positions are constant while
 /// nothing is charged, and comparable with each other. Pure.
 class FairShare {
@@ -32,7 +32,7 @@ class FairShare {
   double step(const std::string& owner, double cpu_seconds, Time when) const;
   /// Adds CPU seconds used at `when`. Negative: takes back a charge, whose `when` is given again.
   void charge(const std::string& owner, double cpu_seconds, Time when);
-  /// Unfaded part of the use, CPU seconds.
+  /// Decayed use, CPU seconds.
   double cpu_seconds(const std::string& owner, Time now) const;
 
   /// Returns the use of all owners, for restore() in the next process.
@@ -43,7 +43,7 @@ class FairShare {
   bool needs_rebase(Time now) const;
   /// Multiplies all positions by a factor so that they stay finite, and returns the factor.
   double rebase(Time now);
-  /// Forgets owners whose use has faded to less than a millisecond.
+  /// Forgets owners whose use has decayed to less than a millisecond.
   void forget_faded(Time now);
   std::size_t size() const { return positions_.size(); }
 

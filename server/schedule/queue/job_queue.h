@@ -25,13 +25,12 @@ struct SharePolicy {
 
 /// Jobs with waiting units, by required tag, priority, owner and age, and by scene.
 ///
-/// A worker looks only at jobs without a required tag and at those of its own tags, so jobs that
-/// nobody can serve cost nothing. Within a priority the owner with the least use goes first
-/// (FairShare). Two rules bound the wait:
-/// - An owner who comes to the jobs of a tag lags behind those being served by at most `catch_up`:
-///   otherwise a newcomer would get the whole farm until it has caught up with a long job.
-/// - An owner to whom nothing was leased for `max_wait` goes first once, whatever the priority.
-/// Pure; the caller serialises calls.
+/// A worker looks only at jobs without a required tag and at those of its own tags, so jobs that no
+/// worker can serve cost nothing. Within a priority the owner with the least use goes first
+/// (FairShare). Two rules bound the wait. When an owner's first job of a tag arrives, the owner's
+/// use is raised to at most `catch_up` below that of the owners being served; otherwise a newcomer
+/// would get the whole farm until its use had caught up. And an owner to whom nothing was leased
+/// for `max_wait` goes first once, whatever the priority. Pure; the caller serialises calls.
 class JobQueue {
  public:
   explicit JobQueue(const SharePolicy& policy = {}, Time start = {});
@@ -66,7 +65,7 @@ class JobQueue {
   void sort();
   /// Notes that units of the job were leased.
   void note_leased(const QueueKey& key, Time now);
-  /// Keeps positions finite and forgets what has faded. Call every few minutes or more often.
+  /// Keeps positions finite and forgets decayed use. Call at least every few minutes.
   void advance(Time now);
 
   /// Returns the next job for a worker, among the jobs that it may work for; 0 if there is none. A

@@ -145,7 +145,7 @@ class Scheduler {
   /// The same for users; "" for WaitReason::none.
   std::string wait_text(const Job& job) const;
 
-  /// Sets what the job may need at most.
+  /// Sets the upper bound of the job's needs.
   void set_demand(Job& job, double store_bytes, double samples);
   /// Returns the sum over the owner's unfinished jobs. Cost: one look-up.
   Demand demand(const std::string& owner) const;
@@ -156,13 +156,13 @@ class Scheduler {
   void set_limit(const std::string& name, std::int64_t units, Time now);
   /// Returns whether the limit existed.
   bool remove_limit(const std::string& name, Time now);
-  /// Stops leasing units of jobs of these accounts, and only of these, for these reasons. Audits go
-  /// on.
+  /// Stops leasing units of jobs of these accounts, and only of these, for these reasons. Audits
+  /// continue.
   void stop_accounts(std::map<Account, std::string> reasons, Time now);
 
   // Fair share -----------------------------------------------------------------------------------
-  /// Returns what every owner has used and has not faded, without units in flight, for
-  /// restore_usage() after a restart: workers that come back are charged again for those.
+  /// Returns the decayed use of every owner, without units in flight, for restore_usage() after a
+  /// restart; units in flight are charged again when their workers return.
   std::vector<UsageRow> usage(Time now) const;
   void restore_usage(const std::vector<UsageRow>& table, Time now) { queue_.restore(table, now); }
 
@@ -170,14 +170,14 @@ class Scheduler {
   /// Starts a worker's new stream: adopts running and unacknowledged units under valid seals, and
   /// releases all others.
   WorkerKey connect(const Hello& hello, Time now);
-  /// The worker's stream broke; the worker is lost after the timeout.
+  /// Notes that the worker's stream broke; the worker is lost after the timeout.
   void disconnect(WorkerKey key);
   /// Notes that a message arrived.
   void record_contact(WorkerKey key, Time now);
   void heartbeat(WorkerKey key, const std::vector<UnitName>& started, std::int64_t rss_bytes,
                  Time now);
   void grant_credits(WorkerKey key, std::int32_t count, Time now);
-  /// The worker takes no more units; it finishes those it has.
+  /// Leases the worker nothing more; it finishes the units that it has.
   void begin_draining(WorkerKey key);
   /// The worker returned units that it had not started.
   void return_units(WorkerKey key, const std::vector<UnitName>& units, Time now);
@@ -189,7 +189,7 @@ class Scheduler {
   Worker* find_worker(WorkerKey worker);
   Worker* find_worker(const std::string& id);
   const std::map<WorkerKey, Worker>& workers() const { return workers_; }
-  /// Number of workers and jobs looked at so far. Tests of cost count steps, not time.
+  /// Number of workers and jobs visited so far. Tests of cost count these steps instead of time.
   std::int64_t step_count() const { return step_count_; }
   /// Returns unfinished jobs of which units were leased to workers with this certificate.
   std::set<JobKey> leased_jobs(const std::string& certificate) const;

@@ -110,14 +110,14 @@ struct Worker {
   bool is_working() const { return connected && is_available(); }
   /// The same, also while its stream has just broken.
   bool is_available() const { return !lost && !draining && !quarantined && !set_aside; }
-  /// Returns whether it is lost, but could go on if it came back.
+  /// Returns whether it is lost, but would be leased units if it came back.
   bool may_return() const { return lost && !draining && !quarantined && !set_aside; }
   /// Units per thread.
   double load() const { return static_cast<double>(leased_units.size()) / thread_count; }
 };
 
-/// Returns the name of who answers for a worker's results and failures: its certificate, so that
-/// several workers with one certificate count once, else its ID. No ID has a space.
+/// Returns the witness to which a worker's results and failures are attributed: its certificate, so
+/// that several workers with one certificate count once, else its ID. No ID contains a space.
 inline std::string witness_name(const std::string& worker_id, const std::string& certificate) {
   return certificate.empty() ? worker_id : "certificate " + certificate;
 }

@@ -22,9 +22,9 @@ struct Caller {
   /// From its certificate; absent on a Unix socket and with the store's token, where every caller
   /// is the user who runs the farm and may do everything.
   std::optional<Identity> identity;
-  /// Its place in the table of open streams and, for a client, in its quotas; released with the
-  /// last copy, which must be in OnDone at the latest. Null for unary calls and without a
-  /// certificate.
+  /// Entry in the table of open streams and, for a client, reservation in its stream quota;
+  /// released with the last copy, which must be in OnDone at the latest. Null for unary calls and
+  /// without a certificate.
   std::shared_ptr<const void> stream;
 
   /// Owner of the jobs it creates.

@@ -31,9 +31,9 @@ struct InstanceSelection {
 /// padded so that every ray that hits a mesh in object space meets its box. A mesh with the
 /// identity as its transform needs no padding, unlike a shape, whose hits are not clamped to a box.
 ///
-/// `parts`, if given, are boxes within those of the meshes, of which one or the other contains each
-/// triangle; none for a mesh that has only its own. The box of a turned instance is that of its
-/// turned parts, which is smaller than that of the turned box.
+/// `parts`, if given: for each mesh, smaller boxes that together contain all its triangles, or
+/// none. The box of a rotated instance then encloses its rotated parts, and is smaller than one
+/// that encloses the rotated box of the mesh.
 InstanceBoxes bound_instances(const Scene& scene, std::span<const Box3f> meshes,
                               const InstanceSelection& choice = {},
                               std::span<const std::vector<Box3f>> parts = {});

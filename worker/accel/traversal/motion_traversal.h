@@ -47,7 +47,7 @@ struct Moving : Query {
   }
 };
 
-/// Offers the hits on everything that stands still to `query`, then those on everything that moves.
+/// Offers the hits on still objects to `query`, then those on moving objects.
 template <typename Query>
 bool intersect_still_and_moving(const SceneBvh<Query::Isa::kWidth>& still,
                                 const MotionBvh<Query::Isa::kWidth>& moving, const Ray& ray,

@@ -235,7 +235,7 @@ inline __attribute__((always_inline)) bool traverse_any(const WideNode<Query::Is
   return false;
 }
 
-/// traverse_nearest() or traverse_any(), as the query wants.
+/// Runs traverse_nearest() or traverse_any(), as the query requires.
 template <typename Query, typename LeafData, typename Leaf>
 inline __attribute__((always_inline)) bool traverse(const WideNode<Query::Isa::kWidth>* nodes,
                                                     const LeafData* leaves, std::uint32_t child,

@@ -34,7 +34,7 @@ inline double squared_distance(const Vec3f& a, const Vec3f& b) {
   return squared_length(Vec3d(a) - Vec3d(b));
 }
 
-/// The best k neighbours so far.
+/// The k nearest neighbours found so far.
 class NearestList {
  public:
   explicit NearestList(std::size_t k) : k_(k) {}

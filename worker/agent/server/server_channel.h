@@ -14,13 +14,13 @@
 
 namespace tessera::agent {
 
-/// The channel to the server, which can be opened anew while it is used: a connection keeps the
-/// certificate with which it was made. Thread-safe.
+/// The channel to the server, which can be reopened while it is used, because a connection keeps
+/// the certificate with which it was made. Thread-safe.
 class ServerChannel {
  public:
   /// Errors: those of contract::open_channel().
   static absl::StatusOr<std::unique_ptr<ServerChannel>> open(std::string server, std::string certs);
-  /// Uses an open channel, and keeps to it.
+  /// Uses an open channel permanently.
   explicit ServerChannel(std::shared_ptr<grpc::Channel> channel) { use(std::move(channel)); }
 
   /// Opens a new channel, for later calls. Calls in progress keep theirs. Errors: as open().

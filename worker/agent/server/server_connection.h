@@ -29,8 +29,8 @@ class ServerConnection {
     std::string token;  // sent until the server issues a session key
     /// FaultHooks::blocks_to_send; empty: each block is sent once.
     std::function<std::vector<UnitQueue::Block>(UnitQueue::Block)> blocks_to_send;
-    /// Returns whether a refusal may come from a certificate that has ended and will be replaced:
-    /// then it is not final. May be empty.
+    /// Returns whether a refusal may be due to a certificate that has expired and will be replaced,
+    /// so that it is not final. May be empty.
     std::function<bool()> awaits_certificate;
     Log log = no_log;
   };

@@ -13,7 +13,7 @@ namespace tessera::render {
 /// its origin, so that it changes neither the framed camera nor the precision of other objects.
 PosedBox framing_box(const Shape& shape);
 
-/// Returns a warning for each plane that emits light, which no light sampling reaches.
+/// Returns a warning for each plane that emits light, because planes are not sampled as lights.
 std::vector<Problem> emissive_plane_warnings(const Scene& scene);
 
 }  // namespace tessera::render

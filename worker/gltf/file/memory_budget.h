@@ -13,8 +13,9 @@ namespace tessera::render {
 /// found.
 std::uint64_t machine_memory_bytes(const std::filesystem::path& root = "/");
 
-/// How much of the memory that a scene may have is left while it is loaded. Counts the arrays
-/// that the scene keeps, and what is about to be decoded: what it refuses does not fit.
+/// Memory that is left for a scene while it is loaded. Counts the arrays that the scene keeps and
+/// those that are about to be decoded, so that data that does not fit is refused before it is
+/// decoded.
 class MemoryBudget {
  public:
   explicit MemoryBudget(std::uint64_t bytes) : total_(bytes), left_(bytes) {}

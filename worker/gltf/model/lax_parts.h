@@ -6,9 +6,9 @@
 
 namespace tessera::render {
 
-/// Adds warnings to model.problems for parts that break the specification and are used all the
-/// same, as many files have them: extensions that extensionsUsed does not list (once per name),
-/// emissive factors outside [0, 1], and nodes with a matrix beside translation, rotation or scale.
+/// Adds warnings to model.problems for parts that break the specification but are used, because
+/// many files have them: extensions that extensionsUsed does not list (once per name), emissive
+/// factors outside [0, 1], and nodes with a matrix beside translation, rotation or scale.
 void warn_of_lax_parts(const nlohmann::json& root, GltfModel& model);
 
 }  // namespace tessera::render

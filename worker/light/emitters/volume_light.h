@@ -24,8 +24,8 @@ class MeshBoxes {
 };
 
 /// The emissive medium inside a body as a light. Directions towards it are those of a ShapeLight
-/// that encloses the body, its hull: the body's own shape if it has one, otherwise the box of its
-/// mesh; the box of the whole motion if it moves during the exposure.
+/// that encloses the body: the body's own shape if it has one, otherwise the box of its mesh, or
+/// the box of the whole motion if it moves during the exposure.
 class VolumeLight {
  public:
   /// The medium of `material` inside `instance`; nullopt if that has no volume. `scene`, `instance`

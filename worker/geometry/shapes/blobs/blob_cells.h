@@ -22,8 +22,8 @@ struct BlobCell {
   Vec3d centre, half;    // of the box
   BlobPolynomial whole;  // the sum of the blobs that contain the box
   bool has_whole = false;
-  /// Indices of the other blobs that meet the box, and after these as many of blobs without a
-  /// field that the next multiple of four is reached.
+  /// Indices of the other blobs that meet the box, padded to a multiple of four with blobs without
+  /// a field.
   std::vector<BlobIndex> partial;
   std::uint32_t partial_count = 0;
   FieldRange partial_range;  // contains the sum of the partial blobs' fields
@@ -44,14 +44,15 @@ class BlobCells {
  public:
   static constexpr std::size_t kFew = 16;
 
-  /// Where a leaf lies, or the index of its cell if that is less.
+  /// Values of a leaf that lies outside or inside the surface; smaller values are indices of cells.
   static constexpr std::uint32_t kOutside = UINT32_MAX - 1, kInside = UINT32_MAX;
 
   /// Builds no tree for kFew blobs or fewer. Requires at most 65,535 blobs.
   BlobCells(std::span<const Blob> blobs, double threshold);
 
   bool empty() const { return nodes_.empty(); }
-  /// The blobs at four indices. The index behind that of the last blob is of one without a field.
+  /// The blobs at four indices. The index after that of the last blob is that of a blob without a
+  /// field.
   FourBlobs four(const BlobIndex* indices) const { return {units_.data(), indices}; }
   BlobIndex no_blob() const { return static_cast<BlobIndex>(units_.size() - 1); }
   const Box3d& box() const { return box_; }

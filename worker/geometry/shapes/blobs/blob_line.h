@@ -28,9 +28,9 @@ struct BlobSpan {
 ///
 /// If there are many blobs, the line goes from cell to cell. In each, the blobs that contain an
 /// interval are one quartic, and the others have bounds. An interval in which the sum of both stays
-/// on one side of the threshold is done; otherwise it is halved, which narrows the quartic, or its
-/// partial blobs are sifted again, which narrows their bounds. Once few are left, the line is swept
-/// through these.
+/// on one side of the threshold is done. Otherwise it is halved, which narrows the bounds of the
+/// quartic, or its partial blobs are tested again, which narrows theirs. Once few are left, a sweep
+/// along the line adds them up exactly.
 class BlobLine {
  public:
   /// As intersect_blobs().
@@ -41,7 +41,7 @@ class BlobLine {
   void intersect_plain(const BlobField& field, const Vec3d& origin, const Vec3d& direction,
                        std::vector<ShapeHit>& hits);
 
-  /// How many blobs the last call visited, over all intervals: a measure of its time.
+  /// Number of blobs that the last call visited, over all intervals: a measure of its time.
   std::size_t visit_count() const { return visit_count_; }
 
  private:

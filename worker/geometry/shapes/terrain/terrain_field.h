@@ -32,9 +32,9 @@ struct TerrainForm {
   std::uint32_t seed = 0;
 
   /// Angular size, radians, of the smallest resolved detail as seen from `seen_from`; 0: all
-  /// detail. Octaves with more than one feature per spot of this size are replaced by their mean,
-  /// those with less than half a feature are complete. Depends on the position, not on the ray, so
-  /// that all rays meet the same surface.
+  /// detail. Octaves with more than one feature per footprint of this size are replaced by their
+  /// mean, those with less than half a feature are complete. Depends on the position, not on the
+  /// ray, so that all rays meet the same surface.
   double spot_angle = 0;
   Vec3d seen_from;
 };

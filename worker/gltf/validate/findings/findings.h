@@ -9,7 +9,7 @@
 
 namespace tessera::render {
 
-/// How grave a finding is; names and order are those of the Khronos glTF validator.
+/// Severity of a finding; names and order are those of the Khronos glTF validator.
 enum class FindingSeverity : std::uint8_t { error, warning, information, hint };
 
 /// A rule of glTF 2.0 with the code that the Khronos glTF validator gives its breach.

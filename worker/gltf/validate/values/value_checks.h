@@ -11,7 +11,8 @@ namespace tessera::render {
 class ValueBudget {
  public:
   explicit ValueBudget(std::uint64_t values) : left_(values) {}
-  /// Takes `values` off the budget. Returns false, and remembers it, if fewer are left.
+  /// Takes `values` from the budget. If fewer are left, returns false and marks the result as
+  /// partial.
   bool take(std::uint64_t values);
   [[nodiscard]] bool is_exhausted() const { return exhausted_; }
 
