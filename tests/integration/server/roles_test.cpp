@@ -8,6 +8,7 @@
 #include "tessera/v1/certificate_service.pb.h"
 #include "tessera/v1/farm_service.pb.h"
 #include "tessera/v1/worker_service.pb.h"
+#include "tests/integration/server/all_methods.h"
 #include "tests/integration/server/secure_farm.h"
 
 namespace tessera::server {
@@ -44,22 +45,6 @@ class RolesTest : public SecureFarm {
     call->Finish(&status, nullptr);
     wait();
     return status;
-  }
-
-  static std::vector<const google::protobuf::MethodDescriptor*> all_methods() {
-    std::vector<const google::protobuf::MethodDescriptor*> methods;
-    for (const auto* file :
-         {v1::CreateJobRequest::descriptor()->file(), v1::AssetId::descriptor()->file(),
-          v1::UploadAssetRequest::descriptor()->file(), v1::WorkRequest::descriptor()->file(),
-          v1::SetLimitRequest::descriptor()->file(),
-          v1::RenewCertificateRequest::descriptor()->file()}) {
-      for (int i = 0; i < file->service_count(); ++i) {
-        for (int j = 0; j < file->service(i)->method_count(); ++j) {
-          methods.push_back(file->service(i)->method(j));
-        }
-      }
-    }
-    return methods;
   }
 
   template <typename Request, typename Response, typename Method>

@@ -8,19 +8,19 @@
 namespace tessera::testing {
 namespace {
 
-constexpr const char* kLibrary = TESSERA_FLUSHING_LIBRARY;
+constexpr const char* kFlushingLibrary = TESSERA_FLUSHING_LIBRARY;
 
 TEST(FloatControlDeathTest, RendererThreadsAreChecked) {
   EXPECT_DEATH(
       {
-        ::dlopen(kLibrary, RTLD_NOW | RTLD_LOCAL);
+        ::dlopen(kFlushingLibrary, RTLD_NOW | RTLD_LOCAL);
         const agent::RenderPool pool(1);  // its threads inherit the mode
       },
       "when a thread of the renderer starts, .*tessera_flushing_library.so");
   EXPECT_DEATH(
       {
         agent::RenderPool pool(1);
-        pool.submit([] { ::dlopen(kLibrary, RTLD_NOW | RTLD_LOCAL); });
+        pool.submit([] { ::dlopen(kFlushingLibrary, RTLD_NOW | RTLD_LOCAL); });
       },
       "after a task of the renderer, .*tessera_flushing_library.so");
 }

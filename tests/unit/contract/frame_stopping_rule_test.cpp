@@ -10,11 +10,11 @@
 namespace tessera::contract {
 namespace {
 
-constexpr std::int64_t kTilePixels = 64;
-constexpr ErrorSums noise{kTilePixels, 1, 1, 1, 1}, no_noise{kTilePixels, 0, 0, 0, 0};
+constexpr std::int64_t kFewPixels = 64;
+constexpr ErrorSums kNoisy{kFewPixels, 1, 1, 1, 1}, kNoiseless{kFewPixels, 0, 0, 0, 0};
 
 FrameStoppingRule make_rule(std::size_t tiles, std::int32_t max_spp = 256, double error = 0.1) {
-  return {error, error_schedule(max_spp), std::vector<std::int64_t>(tiles, kTilePixels)};
+  return {error, error_schedule(max_spp), std::vector<std::int64_t>(tiles, kFewPixels)};
 }
 
 /// Adds all passes up to the tiles' targets, shuffled by `seed`.
@@ -29,19 +29,19 @@ void render(FrameStoppingRule& rule, std::int32_t tiles, std::uint32_t seed) {
   // A tile's passes count in order.
   std::stable_sort(units.begin(), units.end(),
                    [](const auto& a, const auto& b) { return a.second < b.second; });
-  for (const auto& [tile, pass] : units) rule.add(tile, pass, noise);
+  for (const auto& [tile, pass] : units) rule.add(tile, pass, kNoisy);
 }
 
 TEST(FrameStoppingRule, LookWaitsForTheLastTile) {
   FrameStoppingRule rule = make_rule(3);
   for (std::int32_t tile = 0; tile < 3; ++tile) {
-    rule.add(tile, 0, noise);
+    rule.add(tile, 0, kNoisy);
     EXPECT_FALSE(rule.due_look());
   }
-  rule.add(2, 1, noise);
-  rule.add(0, 1, noise);
+  rule.add(2, 1, kNoisy);
+  rule.add(0, 1, kNoisy);
   EXPECT_FALSE(rule.due_look());
-  rule.add(1, 1, noise);
+  rule.add(1, 1, kNoisy);
   EXPECT_EQ(rule.due_look(), 1);
   EXPECT_TRUE(rule.take_changes().empty()) << "no tile continues before the look";
 }
@@ -58,7 +58,7 @@ TEST(FrameStoppingRule, FrameThatMeetsBoundStops) {
   }
   EXPECT_FALSE(rule.due_look());
   EXPECT_EQ(rule.capped_tile_count(), 0);
-  EXPECT_EQ(rule.expected_samples(), 2 * kTilePixels * 32);
+  EXPECT_EQ(rule.expected_samples(), 2 * kFewPixels * 32);
 }
 
 TEST(FrameStoppingRule, AllTilesContinueIfBoundIsNotMet) {
@@ -71,7 +71,7 @@ TEST(FrameStoppingRule, AllTilesContinueIfBoundIsNotMet) {
     EXPECT_FALSE(change.is_final);
     EXPECT_EQ(change.pass_count, 3);
   }
-  EXPECT_EQ(rule.expected_samples(), 2 * kTilePixels * 32 * 4) << "a fourth of the squared error";
+  EXPECT_EQ(rule.expected_samples(), 2 * kFewPixels * 32 * 4) << "a fourth of the squared error";
   rule.end_look(true, 0.05);
   EXPECT_EQ(rule.pass_count(0), 3) << "a look that is not due is ignored";
 }
@@ -79,14 +79,14 @@ TEST(FrameStoppingRule, AllTilesContinueIfBoundIsNotMet) {
 TEST(FrameStoppingRule, TileWithoutNoiseStopsAfterPassOne) {
   FrameStoppingRule rule = make_rule(2);
   for (std::int32_t pass = 0; pass < 2; ++pass) {
-    rule.add(0, pass, no_noise);
-    rule.add(1, pass, noise);
+    rule.add(0, pass, kNoiseless);
+    rule.add(1, pass, kNoisy);
   }
   EXPECT_EQ(rule.due_look(), 1);
   rule.end_look(false, 0.2);
   EXPECT_EQ(rule.pass_count(0), 2);
   EXPECT_EQ(rule.pass_count(1), 3);
-  rule.add(1, 2, noise);
+  rule.add(1, 2, kNoisy);
   EXPECT_EQ(rule.due_look(), 2);
 }
 
@@ -102,7 +102,7 @@ TEST(FrameStoppingRule, TilesStopAtTheLastPassWithoutLook) {
 
 TEST(FrameStoppingRule, ScheduleOfOnePassEndsThere) {
   FrameStoppingRule rule = make_rule(1, 8);
-  rule.add(0, 0, noise);
+  rule.add(0, 0, kNoisy);
   EXPECT_FALSE(rule.due_look());
   const auto changes = rule.take_changes();
   ASSERT_EQ(changes.size(), 1u);

@@ -8,6 +8,7 @@
 #include "server/service/access/access.h"
 #include "tessera/v1/certificate_service.grpc.pb.h"
 #include "tessera/v1/farm_service.grpc.pb.h"
+#include "tests/integration/server/all_methods.h"
 #include "tests/integration/server/fuzz/random_messages.h"
 #include "tests/integration/server/fuzz/service_fuzzer.h"
 
@@ -20,25 +21,6 @@ using std::chrono::milliseconds;
 
 /// For a raw call of a stream that may not end by itself.
 constexpr milliseconds kStreamTime{60};
-
-const std::vector<const MethodDescriptor*>& all_methods() {
-  static const std::vector<const MethodDescriptor*> methods = [] {
-    std::vector<const MethodDescriptor*> found;
-    for (const auto* file :
-         {v1::CreateJobRequest::descriptor()->file(), v1::AssetId::descriptor()->file(),
-          v1::UploadAssetRequest::descriptor()->file(), v1::WorkRequest::descriptor()->file(),
-          v1::SetLimitRequest::descriptor()->file(),
-          v1::RenewCertificateRequest::descriptor()->file()}) {
-      for (int i = 0; i < file->service_count(); ++i) {
-        for (int j = 0; j < file->service(i)->method_count(); ++j) {
-          found.push_back(file->service(i)->method(j));
-        }
-      }
-    }
-    return found;
-  }();
-  return methods;
-}
 
 std::string rpc_name(const MethodDescriptor& method) {
   return method.service()->name() + "." + method.name();

@@ -101,6 +101,12 @@ class CoordinatorFixture : public testing::Test {
     pump();
     return result;
   }
+  absl::Status remove(const std::string& job_id) {
+    absl::Status result = absl::UnknownError("no answer");
+    coordinator->jobs().remove_job(job_id, [&](const absl::Status& status) { result = status; });
+    pump();
+    return result;
+  }
   JobView view(const std::string& job_id) { return coordinator->queries().job(job_id).value(); }
 
   /// A unit with the lease that covers it.

@@ -188,11 +188,7 @@ TEST_F(Events, JobLifecycleIsRecorded) {
   EXPECT_EQ(kinds(),
             (std::vector{EventKind::worker_joined, EventKind::job_submitted, EventKind::job_running,
                          EventKind::frame_finished, EventKind::job_done}));
-  bool is_removed = false;
-  coordinator->jobs().remove_job(job,
-                                 [&](const absl::Status& status) { is_removed = status.ok(); });
-  pump();
-  EXPECT_TRUE(is_removed);
+  EXPECT_TRUE(remove(job).ok());
   EXPECT_EQ(kinds().back(), EventKind::job_removed);
 }
 

@@ -20,12 +20,6 @@ class FailedWriteTest : public CoordinatorFixture {
     pump();
     return result;
   }
-  absl::Status remove(const std::string& job_id) {
-    absl::Status result = absl::UnknownError("no answer");
-    coordinator->jobs().remove_job(job_id, [&](const absl::Status& status) { result = status; });
-    pump();
-    return result;
-  }
 };
 
 TEST_F(FailedWriteTest, CancelIsAnsweredWithFailureOfItsRow) {

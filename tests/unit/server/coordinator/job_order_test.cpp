@@ -25,12 +25,6 @@ class JobOrderTest : public CoordinatorFixture {
     pump();
     return result;
   }
-  absl::Status remove(const std::string& job_id) {
-    absl::Status result = absl::UnknownError("no answer");
-    coordinator->jobs().remove_job(job_id, [&](const absl::Status& status) { result = status; });
-    pump();
-    return result;
-  }
   absl::Status set_limit(const std::string& name, std::int64_t units) {
     absl::Status result = absl::UnknownError("no answer");
     coordinator->settings().set_limit(name, units,

@@ -15,24 +15,7 @@
 namespace tessera::server {
 namespace {
 
-class AssetsTest : public StoreFixture {
- protected:
-  int file_count() const {
-    int count = 0;
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(path() + "/assets")) {
-      count += entry.is_regular_file() ? 1 : 0;
-    }
-    return count;
-  }
-  void expect_consistent() {
-    store_.reset();
-    const auto findings = check_store(path(), real_filesystem());
-    ASSERT_TRUE(findings.ok()) << findings.status();
-    EXPECT_EQ(findings->faults, std::vector<std::string>());
-    EXPECT_EQ(findings->orphans, std::vector<std::string>());
-    open();
-  }
-};
+using AssetsTest = StoreFixture;
 
 class SmallAssetsTest : public AssetsTest {
  protected:
@@ -94,7 +77,7 @@ TEST_P(AnyAssets, OldestAreCollected) {
   ASSERT_TRUE(store().assets().collect(now_us_, 301, {named}).ok());
   EXPECT_FALSE(store().assets().has(oldest));
   EXPECT_EQ(read_asset(store(), oldest), "");
-  EXPECT_EQ(file_count(), uses_rows_ ? 0 : 3);
+  EXPECT_EQ(file_count("assets"), uses_rows_ ? 0 : 3);
   EXPECT_TRUE(store().assets().has(older));
   ASSERT_TRUE(store().assets().collect(now_us_, 0, {named}).ok());
   EXPECT_FALSE(store().assets().has(older));
@@ -139,14 +122,14 @@ TEST_F(SmallAssetsTest, HasNoFile) {
   const contract::Digest digest = upload("texture");
   EXPECT_EQ(upload("texture"), digest);
   for (int life = 0; life < 2; ++life) {
-    EXPECT_EQ(file_count(), 0);
+    EXPECT_EQ(file_count("assets"), 0);
     EXPECT_TRUE(store().assets().has(digest));
     EXPECT_EQ(read_asset(store(), digest), "texture");
     EXPECT_EQ(store().assets().used_bytes(), 7);
     expect_consistent();
   }
   upload(std::string(70'000, 'l'));
-  EXPECT_EQ(file_count(), 1);
+  EXPECT_EQ(file_count("assets"), 1);
   EXPECT_EQ(store().assets().used_bytes(), 70'007);
   expect_consistent();
 }
@@ -185,7 +168,7 @@ TEST_F(SmallAssetsTest, LostFileComesBackAsRow) {
   upload("lost");
   upload("kept");
   upload("shorter");
-  EXPECT_EQ(file_count(), 1) << "an old file is used as long as it is complete";
+  EXPECT_EQ(file_count("assets"), 1) << "an old file is used as long as it is complete";
   EXPECT_EQ(read_asset(store(), lost), "lost");
   EXPECT_EQ(read_asset(store(), kept), "kept");
   EXPECT_EQ(read_asset(store(), shorter), "shorter");
@@ -199,7 +182,7 @@ TEST_F(SmallAssetsTest, FileLeftBesideItsRowIsDeleted) {
   std::filesystem::create_directories(std::filesystem::path(file).parent_path());
   write_file(file, "tex");  // as after a crash
   open();
-  EXPECT_EQ(file_count(), 0);
+  EXPECT_EQ(file_count("assets"), 0);
   EXPECT_EQ(read_asset(store(), digest), "texture");
 }
 

@@ -19,22 +19,6 @@ class SmallJobTest : public StoreFixture {
     uses_rows_ = true;
     open();
   }
-
-  int file_count(const std::string& folder) const {
-    int count = 0;
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(path() + "/" + folder)) {
-      count += entry.is_regular_file() ? 1 : 0;
-    }
-    return count;
-  }
-  void expect_consistent() {
-    store_.reset();
-    const auto findings = check_store(path(), real_filesystem());
-    ASSERT_TRUE(findings.ok()) << findings.status();
-    EXPECT_EQ(findings->faults, std::vector<std::string>());
-    EXPECT_EQ(findings->orphans, std::vector<std::string>());
-    open();
-  }
 };
 
 TEST_F(SmallJobTest, BlocksAndImagesHaveNoFiles) {

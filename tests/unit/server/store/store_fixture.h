@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/store/maintenance/check.h"
 #include "server/store/store.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/server/store/durability_checker.h"
@@ -71,6 +72,23 @@ class StoreFixture : public ::testing::Test {
 
   void write_file(const std::string& file, const std::string& bytes) {
     std::ofstream(file, std::ios::binary) << bytes;
+  }
+
+  int file_count(const std::string& folder) const {
+    int count = 0;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(path() + "/" + folder)) {
+      count += entry.is_regular_file() ? 1 : 0;
+    }
+    return count;
+  }
+  /// Checks the closed store and opens it again.
+  void expect_consistent() {
+    store_.reset();
+    const auto findings = check_store(path(), real_filesystem());
+    ASSERT_TRUE(findings.ok()) << findings.status();
+    EXPECT_EQ(findings->faults, std::vector<std::string>());
+    EXPECT_EQ(findings->orphans, std::vector<std::string>());
+    open();
   }
 
   FrameRecord finish_frame(const std::string& job_id, int frame, const std::string& bytes) {

@@ -14,7 +14,7 @@ namespace {
 
 using Corners = std::array<Vec3d, 3>;
 
-SphericalTriangle seen(const Corners& t) {
+SphericalTriangle seen_triangle(const Corners& t) {
   return SphericalTriangle::seen_from_origin(t[0], t[1], t[2]);
 }
 
@@ -25,12 +25,12 @@ std::array<Corners, 2> unit_square(double z) {
 }
 
 TEST(SphericalTriangle, SolidAngleMatchesFormula) {
-  EXPECT_NEAR(seen({Vec3d{1, 0, 0}, {0, 2, 0}, {0, 0, 3}}).solid_angle, std::numbers::pi / 2,
-              1e-14);
+  EXPECT_NEAR(seen_triangle({Vec3d{1, 0, 0}, {0, 2, 0}, {0, 0, 3}}).solid_angle,
+              std::numbers::pi / 2, 1e-14);
   for (const double z : {1e3, 1.0, 0.1, 0.01, 1e-3, 1e-6}) {
     const double expected = 4 * std::atan(1 / (2 * z * std::sqrt(4 * z * z + 2)));
     const auto square = unit_square(z);
-    const double sum = seen(square[0]).solid_angle + seen(square[1]).solid_angle;
+    const double sum = seen_triangle(square[0]).solid_angle + seen_triangle(square[1]).solid_angle;
     // Close to the square its diagonal passes overhead, where 1 is subtracted from 1 and divided by
     // the height.
     EXPECT_NEAR(sum / expected, 1, 1e-13 + 0x1p-52 / z) << z;
@@ -41,14 +41,14 @@ TEST(SphericalTriangle, SmallSizesKeepPrecision) {  // hard case 59, for triangl
   for (const double size : {1e-2, 1e-4, 1e-6}) {
     // Facing the viewer at distance 1: area / d^2, except for terms of second order in the size.
     const Corners t = {Vec3d{0, 0, 1}, {size, 0, 1}, {0, size, 1}};
-    EXPECT_NEAR(seen(t).solid_angle / (0.5 * size * size), 1, size * size + 1e-9) << size;
+    EXPECT_NEAR(seen_triangle(t).solid_angle / (0.5 * size * size), 1, size * size + 1e-9) << size;
   }
 }
 
 TEST(SphericalTriangle, ViewInPlaneHasNoSolidAngle) {
-  EXPECT_EQ(seen({Vec3d{1, 0, 0}, {2, 0, 0}, {3, 0, 0}}).solid_angle, 0);
-  EXPECT_EQ(seen({Vec3d{1, 0, 0}, {0, 1, 0}, {3, 2, 0}}).solid_angle, 0);
-  EXPECT_EQ(seen({Vec3d{0, 0, 0}, {0, 1, 0}, {3, 2, 1}}).solid_angle, 0);
+  EXPECT_EQ(seen_triangle({Vec3d{1, 0, 0}, {2, 0, 0}, {3, 0, 0}}).solid_angle, 0);
+  EXPECT_EQ(seen_triangle({Vec3d{1, 0, 0}, {0, 1, 0}, {3, 2, 0}}).solid_angle, 0);
+  EXPECT_EQ(seen_triangle({Vec3d{0, 0, 0}, {0, 1, 0}, {3, 2, 1}}).solid_angle, 0);
 }
 
 /// The parts of `t` after splitting every triangle into four `times` times.
@@ -83,7 +83,7 @@ std::vector<Corners> triangles() {
 TEST(SphericalTriangle, SamplesAreUniformOverSolidAngle) {
   constexpr int kSamples = 64'000;
   for (const Corners& t : triangles()) {
-    const SphericalTriangle triangle = seen(t);
+    const SphericalTriangle triangle = seen_triangle(t);
     ASSERT_TRUE(triangle.is_near());
     const std::vector<Corners> parts = cut(t, 2);
     std::vector<int> counts(parts.size());
@@ -96,7 +96,7 @@ TEST(SphericalTriangle, SamplesAreUniformOverSolidAngle) {
     double chi = 0;
     int total = 0;
     for (std::size_t k = 0; k < parts.size(); ++k) {
-      const double expected = kSamples * seen(parts[k]).solid_angle / triangle.solid_angle;
+      const double expected = kSamples * seen_triangle(parts[k]).solid_angle / triangle.solid_angle;
       chi += (counts[k] - expected) * (counts[k] - expected) / expected;
       total += counts[k];
     }
@@ -108,7 +108,7 @@ TEST(SphericalTriangle, SamplesAreUniformOverSolidAngle) {
 
 TEST(SphericalTriangle, ExtremeRandomNumbersAreSafe) {  // hard case 63
   for (const Corners& t : triangles()) {
-    const SphericalTriangle triangle = seen(t);
+    const SphericalTriangle triangle = seen_triangle(t);
     for (const double u1 : {0.0, 0x1p-53, 0.5, 1 - 0x1p-53}) {
       for (const double u2 : {0.0, 0x1p-53, 0.5, 1 - 0x1p-53}) {
         const Vec3d d = triangle.sample(u1, u2);
@@ -122,7 +122,7 @@ TEST(SphericalTriangle, ExtremeRandomNumbersAreSafe) {  // hard case 63
 
 TEST(SphericalTriangle, PointsMatchDirections) {
   for (const Corners& t : triangles()) {
-    const SphericalTriangle triangle = seen(t);
+    const SphericalTriangle triangle = seen_triangle(t);
     for (int i = 0; i < 1000; ++i) {
       const Vec4d u = Sampler(2, 0, i, 0, 0).get_4d_fine(0);
       const Vec3d d = triangle.sample(u.x, u.y);
@@ -143,7 +143,7 @@ TEST(SphericalTriangle, SquareFormFactorMatchesFormula) {  // hard case 58
   for (int i = 0; i < 3; ++i) {
     double sum = 0;
     for (const Corners& t : unit_square(heights[i])) {
-      const SphericalTriangle triangle = seen(t);
+      const SphericalTriangle triangle = seen_triangle(t);
       for (int k = 0; k < kSide * kSide; ++k) {
         const int row = k / kSide, column = k % kSide;
         const Vec3d d = triangle.sample((column + 0.5) / kSide, (row + 0.5) / kSide);

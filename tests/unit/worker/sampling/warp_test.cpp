@@ -9,7 +9,7 @@ namespace tessera::render {
 namespace {
 
 constexpr int kSide = 512;
-constexpr float kBelowOne = 1 - 0x1p-24f;
+constexpr float kLargestFloatBelowOne = 1 - 0x1p-24f;
 
 /// Mean of f over midpoints of a fine grid of the unit square.
 template <typename F>
@@ -27,8 +27,8 @@ double grid_mean(F f) {
 /// All corners and edge midpoints of the unit square, where maps are likely to fail.
 std::vector<Vec2f> corners() {
   std::vector<Vec2f> all;
-  for (const float x : {0.0f, 0x1p-24f, 0.5f, kBelowOne}) {
-    for (const float y : {0.0f, 0x1p-24f, 0.5f, kBelowOne}) all.push_back({x, y});
+  for (const float x : {0.0f, 0x1p-24f, 0.5f, kLargestFloatBelowOne}) {
+    for (const float y : {0.0f, 0x1p-24f, 0.5f, kLargestFloatBelowOne}) all.push_back({x, y});
   }
   return all;
 }
