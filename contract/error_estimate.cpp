@@ -10,6 +10,8 @@ namespace tessera::contract {
 namespace {
 
 constexpr double kChannels = 3;
+/// Keeps the bound finite where the error is that of one or two pixels.
+constexpr double kLeastShrinking = 1.0 / 64;
 
 /// Quantiles of the normal distribution at 1 − 0.05/k, k = 1, 2, … (a table: decisions must have
 /// the same bits everywhere).
@@ -59,7 +61,11 @@ double upper_mean(const ErrorSums& sums, int looks) {
     const double spread = sums.scaled_squares / pixels - per_pixel * per_pixel;
     standard_error = spread > 0 ? std::sqrt(spread / (pixels - 1)) / kChannels : 0;
   }
-  return mean + look_quantile(looks) * std::sqrt(static_cast<double>(kReplicates)) * standard_error;
+  if (mean == 0) return 0;
+  const double deviation = look_quantile(looks) * standard_error / mean;
+  const double shrunk = std::max(1 - deviation / 2, kLeastShrinking);
+  const double root = std::sqrt(static_cast<double>(kReplicates));
+  return mean * (1 + root * deviation / shrunk);
 }
 
 double effective_pixels(const ErrorSums& sums) {

@@ -45,6 +45,11 @@ double look_quantile(int looks);
 /// replicates and normal errors a pixel's estimate is σ²/R · χ²(R−1)/(R−1), while the true square
 /// is σ²/R · χ²(1) and independent of it, so that their difference has R times the variance of the
 /// estimate. Pixels are independent because their scrambles are.
+///
+/// With few pixels the estimate itself may be too small, and the normal quantile as well: the ratio
+/// of truth and estimate is F-distributed with about n_eff and 3 n_eff degrees of freedom. Dividing
+/// by 1 − z s/(2 mean) keeps the bound above that quantile, from 2 effective pixels on, within 30
+/// %; with a single one the bound is too wide to meet any target.
 double upper_mean(const ErrorSums& sums, int looks);
 
 /// Returns all figures that a report derives from the sums.

@@ -28,8 +28,7 @@ class FrameStoppingRule final : public PassRule {
   std::int64_t expected_samples() const override;
   int looks() const override { return looks_; }
   std::int32_t capped_tile_count() const override { return capped_tiles_; }
-  /// 0: with a frame whose error is concentrated, no bound is met.
-  std::int32_t concentrated_tile_count() const override { return 0; }
+  bool is_futile() const override { return false; }
 
   /// The target E.
   double error() const { return error_; }

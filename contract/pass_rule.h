@@ -35,11 +35,11 @@ class PassRule {
   virtual int looks() const = 0;
   /// Tiles that stopped because the passes ended.
   virtual std::int32_t capped_tile_count() const = 0;
-  /// Tiles whose error was concentrated in fewer than kMinEffectivePixels pixels, and had more than
-  /// a thirtieth of the frame's budget, when they stopped.
-  virtual std::int32_t concentrated_tile_count() const = 0;
+  /// Whether tiles stopped before the target because the samples left could not meet it.
+  virtual bool is_futile() const = 0;
 
-  /// Effective number of pixels below which no error bound is given.
+  /// Effective number of pixels below which the error is concentrated: that of a denoised frame has
+  /// no bound then, and that of a raw one a wide bound.
   static constexpr double kMinEffectivePixels = 30;
 };
 

@@ -14,6 +14,8 @@ namespace {
 /// whole budget, so that noise in the estimates makes few tiles need another pass.
 constexpr double kFill = 0.97, kAim = 0.9;
 constexpr int kBisections = 40;
+/// Samples per pixel before which no frame gives up: the first of rare events may be yet to come.
+constexpr double kMinFutileSamples = 256;
 
 }  // namespace
 
@@ -63,20 +65,10 @@ void StoppingRule::add(std::int32_t tile_index, std::int32_t pass, const ErrorSu
   }
 }
 
-bool StoppingRule::is_concentrated(const ErrorSums& sums) const {
-  return effective_pixels(sums) < kMinEffectivePixels &&
-         mean_scaled(sums) > concentration_limit(sums.pixels);
-}
-
-/// Returns the mean square at which a tile of so many pixels has a thirtieth of the frame's budget.
-/// Above it the reliability of the tile's own estimate matters.
-double StoppingRule::concentration_limit(std::int64_t pixels) const {
-  return target_ / kMinEffectivePixels * (frame_pixels_ / static_cast<double>(pixels));
-}
-
 bool StoppingRule::may_stop(const Tile& tile) const {
   if (tile.newest.scaled == 0) return true;  // without noise; also if E² cannot be met
-  if (is_concentrated(tile.newest) || !tile.others) return false;
+  if (futile_look_ && *futile_look_ < tile.seen) return true;
+  if (!tile.others) return false;
   ErrorSums frame = *tile.others;
   frame.add(tile.newest);
   return upper_mean(frame, looks_) <= kFill * target_;
@@ -85,7 +77,6 @@ bool StoppingRule::may_stop(const Tile& tile) const {
 void StoppingRule::stop(Tile& tile) {
   tile.stopped = true;
   if (tile.seen == last_pass()) ++capped_tiles_;
-  if (is_concentrated(tile.newest)) ++concentrated_tiles_;
   for (std::int32_t later = tile.seen + 1; later <= last_pass(); ++later)
     --unsettled_[as_index(later)];
 }
@@ -114,21 +105,37 @@ StoppingRule::Seen StoppingRule::as_of(const Tile& tile, std::int32_t pass) {
 void StoppingRule::take_look(std::int32_t pass) {
   look_taken_[as_index(pass)] = true;
   set_predictions(pass, level(pass));
+  if (!futile_look_ && is_futile_after(pass)) futile_look_ = pass;
   for (std::int32_t tile = 0; tile < tile_count(); ++tile) {
     if (tiles_[as_index(tile)].seen == pass + 1) decide(tile);
   }
 }
 
+/// Returns whether few pixels carry the error after `pass`, and the bound would be above E² at the
+/// last pass even if it fell as 1/n².
+bool StoppingRule::is_futile_after(std::int32_t pass) const {
+  if (samples_after(pass) < kMinFutileSamples) return false;
+  ErrorSums frame;
+  for (const Tile& tile : tiles_) frame.add(as_of(tile, pass).sums);
+  const double left = samples_after(pass) / samples_after(last_pass());
+  return effective_pixels(frame) < kMinEffectivePixels &&
+         upper_mean(frame, looks_) * left * left > target_;
+}
+
 /// Returns the pass after which a tile with these sums after `pass` is predicted to stop, with its
-/// square falling as 1/n.
+/// square falling as 1/n. A tile whose error is in few pixels is planned to continue until it has
+/// little of the budget, since these pixels widen the bound.
 std::int32_t StoppingRule::predicted_pass(const ErrorSums& sums, std::int32_t pass,
                                           double lambda) const {
   const double one_sample = mean_scaled(sums) * samples_after(pass);
   const bool is_thin = effective_pixels(sums) < kMinEffectivePixels;
+  // The mean square at which the tile has a thirtieth of the frame's budget.
+  const double limit =
+      target_ / kMinEffectivePixels * (frame_pixels_ / static_cast<double>(sums.pixels));
   std::int32_t end = pass + 1;
   for (; end < last_pass(); ++end) {
     const double predicted = one_sample / samples_after(end);
-    const bool waits = is_thin && predicted > concentration_limit(sums.pixels);
+    const bool waits = is_thin && predicted > limit;
     if (!waits && predicted / samples_after(end) <= lambda) break;
   }
   return end;

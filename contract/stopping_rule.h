@@ -19,8 +19,11 @@ namespace tessera::contract {
 /// meet the frame's bound with fewest samples (∝ σ: the ratio of square to samples is at most one λ
 /// for all), then scales the prediction to use the remaining budget E². A tile stops once its own
 /// sums, with the others as predicted, meet the frame's bound, so tiles that stop never use up the
-/// budget of others. A tile whose error is concentrated in fewer than 30 pixels continues while it
-/// has more than a thirtieth of the frame's budget.
+/// budget of others.
+///
+/// If few pixels carry the frame's error, their events are rare, and the bound falls with the luck
+/// of the next samples. The frame gives up once even a square that falls as 1/n², as that of events
+/// already seen, would not meet E² by the last pass.
 class StoppingRule final : public PassRule {
  public:
   /// `error` is the target E > 0. Requires at least one pass, one tile, and pixels > 0 for each
@@ -33,7 +36,7 @@ class StoppingRule final : public PassRule {
   std::int64_t expected_samples() const override;
   int looks() const override { return looks_; }
   std::int32_t capped_tile_count() const override { return capped_tiles_; }
-  std::int32_t concentrated_tile_count() const override { return concentrated_tiles_; }
+  bool is_futile() const override { return futile_look_.has_value(); }
 
  private:
   struct Tile {
@@ -59,8 +62,7 @@ class StoppingRule final : public PassRule {
   void decide(std::int32_t index);
   void stop(Tile& tile);
   bool may_stop(const Tile& tile) const;
-  bool is_concentrated(const ErrorSums& sums) const;
-  double concentration_limit(std::int64_t pixels) const;
+  bool is_futile_after(std::int32_t pass) const;
   void take_look(std::int32_t pass);
   static Seen as_of(const Tile& tile, std::int32_t pass);
   /// Predicted sums of the frame: of stopped and of active tiles.
@@ -83,7 +85,8 @@ class StoppingRule final : public PassRule {
   std::vector<bool> look_taken_;         // by pass of the look
   std::vector<PassTarget> changes_;
   std::int64_t wanted_samples_ = 0, predicted_samples_ = 0;
-  std::int32_t capped_tiles_ = 0, concentrated_tiles_ = 0;
+  std::int32_t capped_tiles_ = 0;
+  std::optional<std::int32_t> futile_look_;  // the first look at which the target was out of reach
 };
 
 }  // namespace tessera::contract

@@ -40,7 +40,6 @@ bool ClaimedError::is_concentrated() const {
 
 ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingStats& stopping,
                                      double error) {
-  constexpr double kMinPixels = contract::PassRule::kMinEffectivePixels;
   ConvergenceResult result;
   const auto add_reason = [&](const std::string& reason) { result.reasons.push_back(reason); };
   if (s.mean_luminance.value_or(0) <= 0) {
@@ -51,18 +50,17 @@ ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingSta
   }
   if (s.clamped_energy > 0) add_reason("--clamp removed radiance");
   const ClaimedError claimed(s);
-  if (claimed.is_concentrated()) {
-    add_reason(absl::StrFormat(
-        "the error is concentrated in about %.3g pixels, too few for a confidence bound",
-        claimed.n_eff));
-  }
-  if (stopping.concentrated_tiles > 0) {
-    add_reason(absl::StrCat(stopping.concentrated_tiles,
-                            " tiles have their error concentrated in fewer ", "than ", kMinPixels,
-                            " pixels each, too few for a confidence bound"));
+  const bool holds = claimed.error_upper95 <= error, is_capped = stopping.capped_tiles > 0;
+  if (claimed.is_concentrated() && (!holds || s.denoised)) {
+    std::string reason = absl::StrFormat(
+        "the error is concentrated in about %.3g pixels, too few for a narrow confidence bound",
+        claimed.n_eff);
+    if (stopping.is_futile) {
+      absl::StrAppend(&reason, "; the samples left up to --max-spp would not meet the target");
+    }
+    add_reason(reason);
   }
   const bool is_uncertain = !result.reasons.empty();
-  const bool holds = claimed.error_upper95 <= error, is_capped = stopping.capped_tiles > 0;
   if (!holds) {
     std::string bound = absl::StrFormat("the 95 %% error bound is %.4g, above the target %.4g",
                                         claimed.error_upper95, error);

@@ -11,7 +11,8 @@ namespace tessera::server {
 /// How the tiles of a frame with a target error stopped (contract::PassRule).
 struct StoppingStats {
   int looks = 1;
-  std::int32_t capped_tiles = 0, concentrated_tiles = 0;
+  std::int32_t capped_tiles = 0;
+  bool is_futile = false;  // stopped because the samples left could not meet the target
 };
 
 /// Outcome of a frame with a target error (docs/explanation/error-estimation.md), best first;
@@ -34,7 +35,8 @@ struct ClaimedError {
   double n_eff = 0;  // the smaller one of the raw and the denoised image; 0 without error
 
   explicit ClaimedError(const FrameStatistics& statistics);
-  /// Whether so few pixels carry the error that no bound is given.
+  /// Whether so few pixels carry the error that its bound is wide, or, of a denoised image, none is
+  /// given.
   bool is_concentrated() const;
 };
 

@@ -395,7 +395,7 @@ StoppingStats FilmCache::stopping(const FrameKey& key) const {
   const auto found = frames_.find(key);
   if (found == frames_.end() || !found->second.rule) return {};
   const contract::PassRule& rule = *found->second.rule;
-  return {rule.looks(), rule.capped_tile_count(), rule.concentrated_tile_count()};
+  return {rule.looks(), rule.capped_tile_count(), rule.is_futile()};
 }
 
 std::int32_t FilmCache::max_samples(const FrameKey& key) const {

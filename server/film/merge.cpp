@@ -1,5 +1,6 @@
 #include "server/film/merge.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -41,6 +42,15 @@ struct ChannelError {
   double squared = 0, relative = 0, scaled = 0;
 };
 
+/// Returns the value that stands for the exact one in the denominator of a replicate's term: the
+/// mean of the other replicates, or, where the darkest of them is far below it, that one. Their
+/// mean rests on a few bright samples then, and may be as wrong as the pixel. Not the mean of all:
+/// a firefly would be divided by itself.
+constexpr double kRareRatio = 32;
+double divisor(double others_mean, double darkest_other) {
+  return darkest_other * kRareRatio < others_mean ? darkest_other : others_mean;
+}
+
 /// Requires at least two means.
 ChannelError channel_error(std::span<const double> means, double floor_scaled) {
   constexpr double kFloorRelative = 0.01;
@@ -53,15 +63,17 @@ ChannelError channel_error(std::span<const double> means, double floor_scaled) {
     const double difference = means[i] - mean;
     const double square = difference * difference;
     if (square == 0) continue;
-    // The mean of the other replicates: otherwise a firefly would be divided by itself.
-    double others = 0;
+    double others = 0, darkest = std::numeric_limits<double>::max();
     for (std::size_t k = 0; k < means.size(); ++k) {
-      if (k != i) others += means[k];
+      if (k == i) continue;
+      others += means[k];
+      darkest = std::min(darkest, means[k]);
     }
     others /= n - 1;
+    const double base = divisor(others, darkest);
     sums.squared += square;
     sums.relative += square / (others * others + kFloorRelative);
-    if (floor_scaled > 0) sums.scaled += square / (others * others + floor_scaled);
+    if (floor_scaled > 0) sums.scaled += square / (base * base + floor_scaled);
   }
   const double pairs = n * (n - 1);
   return {sums.squared / pairs, sums.relative / pairs, sums.scaled / pairs};
@@ -88,17 +100,21 @@ void add_lane_errors(const std::array<Lanes, kReplicates>& x, double floor_scale
   }
   for (double& value : mean) value /= kReplicates;
   for (std::size_t r = 0; r < kReplicates; ++r) {
-    Lanes others{};
+    Lanes others{}, darkest = x[r == 0 ? 1 : 0];
     for (std::size_t k = 0; k < kReplicates; ++k) {
       if (k == r) continue;
-      for (std::size_t l = 0; l < kLanes; ++l) others[l] += x[k][l];
+      for (std::size_t l = 0; l < kLanes; ++l) {
+        others[l] += x[k][l];
+        darkest[l] = std::min(darkest[l], x[k][l]);
+      }
     }
     for (std::size_t l = 0; l < kLanes; ++l) {
       const double difference = x[r][l] - mean[l], square = difference * difference;
-      const double other = others[l] * (1.0 / (kReplicates - 1)), base = other * other;
+      const double other = others[l] * (1.0 / (kReplicates - 1));
+      const double base = divisor(other, darkest[l]);
       sums.squared[l] += square * (1 / kPairs);
-      sums.relative[l] += square / (base + kFloorRelative) * (1 / kPairs);
-      sums.scaled[l] += square / (base + floor) * weight;
+      sums.relative[l] += square / (other * other + kFloorRelative) * (1 / kPairs);
+      sums.scaled[l] += square / (base * base + floor) * weight;
     }
   }
 }

@@ -22,23 +22,23 @@ TEST(Certainty, BoundOfDenoisedImageDecides) {
   FrameStatistics statistics = good();
   statistics.estimated.error_upper95 = 0.3;
   statistics.denoised = DenoisedStatistics{0.05, 0.09, 200, 0, {}};
-  EXPECT_EQ(assess_convergence(statistics, {9, 0, 0}, 0.1).certainty, Certainty::converged);
+  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, 0.1).certainty, Certainty::converged);
   statistics.denoised->error_upper95 = 0.11;
-  EXPECT_EQ(assess_convergence(statistics, {9, 6, 0}, 0.1).certainty, Certainty::capped);
+  EXPECT_EQ(assess_convergence(statistics, {9, 6, false}, 0.1).certainty, Certainty::capped);
   statistics.denoised = DenoisedStatistics{0.05, 0.09, 20, 0, {}};
-  EXPECT_EQ(assess_convergence(statistics, {9, 0, 0}, 0.1).certainty, Certainty::uncertain)
+  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, 0.1).certainty, Certainty::uncertain)
       << "few pixels carry the error of the denoised image";
   statistics.denoised = DenoisedStatistics{0.05, 0.09, 200, 0, {}};
   statistics.estimated.n_eff = 20;
-  EXPECT_EQ(assess_convergence(statistics, {9, 0, 0}, 0.1).certainty, Certainty::uncertain)
+  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, 0.1).certainty, Certainty::uncertain)
       << "few pixels carry the error of the raw image";
 }
 
 TEST(Certainty, ConvergedNeedsNoContraryReason) {
-  const ConvergenceResult claim = assess_convergence(good(), {9, 0, 0}, 0.1);
+  const ConvergenceResult claim = assess_convergence(good(), {9, 0, false}, 0.1);
   EXPECT_EQ(claim.certainty, Certainty::converged);
   EXPECT_TRUE(claim.reasons.empty());
-  EXPECT_EQ(assess_convergence(good(), {9, 5, 0}, 0.1).certainty, Certainty::converged)
+  EXPECT_EQ(assess_convergence(good(), {9, 5, false}, 0.1).certainty, Certainty::converged)
       << "capped tiles are allowed if the bound is met";
 
   const auto uncertain = [](const FrameStatistics& statistics, const StoppingStats& stopping) {
@@ -48,32 +48,45 @@ TEST(Certainty, ConvergedNeedsNoContraryReason) {
   };
   FrameStatistics statistics = good();
   statistics.mean_luminance = 0;
-  EXPECT_TRUE(uncertain(statistics, {9, 0, 0})) << "black";
+  EXPECT_TRUE(uncertain(statistics, {9, 0, false})) << "black";
   statistics = good();
   statistics.dropped_samples = 1;
-  EXPECT_TRUE(uncertain(statistics, {9, 0, 0})) << "a sample that was not finite";
+  EXPECT_TRUE(uncertain(statistics, {9, 0, false})) << "a sample that was not finite";
   statistics = good();
   statistics.clamped_energy = 1e-3;
-  EXPECT_TRUE(uncertain(statistics, {9, 0, 0})) << "--clamp removed light";
-  statistics = good();
-  statistics.estimated.n_eff = 29;
-  EXPECT_TRUE(uncertain(statistics, {9, 0, 0})) << "error in few pixels of the frame";
-  EXPECT_TRUE(uncertain(good(), {9, 0, 1})) << "error in few pixels of a tile";
+  EXPECT_TRUE(uncertain(statistics, {9, 0, false})) << "--clamp removed light";
   statistics = good();
   statistics.estimated.error_upper95 = 0.11;
-  EXPECT_TRUE(uncertain(statistics, {9, 0, 0})) << "the bound is missed with no tile at the cap";
+  EXPECT_TRUE(uncertain(statistics, {9, 0, false}))
+      << "the bound is missed with no tile at the cap";
 }
 
 TEST(Certainty, CappedOnlyIfBoundIsMissed) {
   FrameStatistics statistics = good();
   statistics.estimated.error_upper95 = 0.11;
-  EXPECT_EQ(assess_convergence(statistics, {9, 3, 0}, 0.1).certainty, Certainty::capped);
-  const ConvergenceResult claim = assess_convergence(statistics, {9, 3, 1}, 0.1);
+  EXPECT_EQ(assess_convergence(statistics, {9, 3, false}, 0.1).certainty, Certainty::capped);
+  statistics.dropped_samples = 1;
+  const ConvergenceResult claim = assess_convergence(statistics, {9, 3, false}, 0.1);
   EXPECT_EQ(claim.certainty, Certainty::uncertain);
   ASSERT_EQ(claim.reasons.size(), 2u);
   EXPECT_EQ(claim.reasons[1],
             "the 95 % error bound is 0.11, above the target 0.1; 3 tiles reached --max-spp")
       << "also where it is not the only reason";
+}
+
+TEST(Certainty, ConcentratedErrorWithWideBoundMayConverge) {
+  FrameStatistics statistics = good();
+  statistics.estimated.n_eff = 12;
+  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, 0.1).certainty, Certainty::converged);
+  statistics.estimated.error_upper95 = 0.11;
+  EXPECT_EQ(assess_convergence(statistics, {9, 3, false}, 0.1).certainty, Certainty::uncertain)
+      << "the bound says little";
+  const ConvergenceResult futile = assess_convergence(statistics, {9, 0, true}, 0.1);
+  EXPECT_EQ(futile.certainty, Certainty::uncertain);
+  ASSERT_EQ(futile.reasons.size(), 2u);
+  EXPECT_EQ(futile.reasons[0],
+            "the error is concentrated in about 12 pixels, too few for a narrow confidence bound; "
+            "the samples left up to --max-spp would not meet the target");
 }
 
 TEST(Certainty, NamesRoundTrip) {

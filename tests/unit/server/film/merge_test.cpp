@@ -242,6 +242,24 @@ TEST(ErrorSums, FireflyIsNotInItsOwnDenominator) {
   }
 }
 
+TEST(ErrorSums, RareBrightReplicatesAreNotTrusted) {
+  // Three of four replicates met a bright reflection once. Their mean may be as wrong as the pixel,
+  // so the darkest replicate is the divisor of their terms: (1/4 x)² / 0.01 / 12 each.
+  constexpr float kBright = 100;
+  TileSum alone(1, 1, 0), among(8, 1, 0);
+  ASSERT_TRUE(alone.add(one_pixel({kBright, kBright, kBright, 0}, 4, true), {0, 4}).ok());
+  FilmBlock block = FilmBlock::zeros({8, 1, 0, true});
+  for (std::size_t r = 0; r < 3; ++r) block.rgb[3 * r] = kBright;
+  ASSERT_TRUE(among.add(block, {0, 4}).ok());
+  const double bright = 3 * 25.0 * 25.0 / 0.01 / 12, dark = 75.0 * 75.0 / (1e4 + 0.01) / 12;
+  EXPECT_NEAR(alone.error_sums(1).scaled, bright + dark, 1e-6);
+  EXPECT_NEAR(among.error_sums(1).scaled, bright + dark, 1e-6);
+  // A replicate that is dark by a factor of 22 is noise.
+  TileSum noisy(1, 1, 0);
+  ASSERT_TRUE(noisy.add(one_pixel({kBright, kBright, kBright, 3}, 4, true), {0, 4}).ok());
+  EXPECT_LT(noisy.error_sums(1).scaled, 0.1 * 3);
+}
+
 TEST(ErrorSums, BlackFrameHasZeroError) {
   TileSum tile(1, 1, 0);
   ASSERT_TRUE(tile.add(one_pixel({0, 0, 0, 0}, 4, true), {0, 4}).ok());
@@ -266,7 +284,8 @@ TEST(ErrorEstimate, KnownSumsGiveKnownFigures) {
   EXPECT_DOUBLE_EQ(estimate.error, std::sqrt(1.25));
   EXPECT_DOUBLE_EQ(estimate.n_eff, 225.0 / 63);
   // Means over channels 1, 1, 1, 2: sample deviation 0.5, standard error 0.25, times √4 replicates.
-  EXPECT_NEAR(estimate.error_upper95, std::sqrt(1.25 + 1.644853627 * 2 * 0.25), 1e-9);
+  const double x = 1.644853627 * 0.25 / 1.25;
+  EXPECT_NEAR(estimate.error_upper95, std::sqrt(1.25 * (1 + 2 * x / (1 - x / 2))), 1e-9);
 }
 
 TEST(ErrorEstimate, IsUnbiasedForNormalNoise) {
