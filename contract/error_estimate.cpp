@@ -30,21 +30,26 @@ void ErrorSums::add(const ErrorSums& other) {
   squared += other.squared;
   relative += other.relative;
   scaled += other.scaled;
-  scaled_squares += other.scaled_squares;
+  cautious += other.cautious;
+  cautious_squares += other.cautious_squares;
 }
 
 ErrorSums ErrorSums::without(const ErrorSums& part) const {
-  return {pixels - part.pixels, squared - part.squared, relative - part.relative,
-          scaled - part.scaled, scaled_squares - part.scaled_squares};
+  return {pixels - part.pixels, squared - part.squared,   relative - part.relative,
+          scaled - part.scaled, cautious - part.cautious, cautious_squares - part.cautious_squares};
 }
 
 ErrorSums ErrorSums::scaled_by(double factor) const {
-  return {pixels, squared * factor, relative * factor, scaled * factor,
-          scaled_squares * factor * factor};
+  return {pixels,          squared * factor,  relative * factor,
+          scaled * factor, cautious * factor, cautious_squares * factor * factor};
 }
 
 double mean_scaled(const ErrorSums& sums) {
   return sums.scaled / (kChannels * static_cast<double>(sums.pixels));
+}
+
+double mean_cautious(const ErrorSums& sums) {
+  return sums.cautious / (kChannels * static_cast<double>(sums.pixels));
 }
 
 double look_quantile(int looks) {
@@ -54,11 +59,11 @@ double look_quantile(int looks) {
 
 double upper_mean(const ErrorSums& sums, int looks) {
   const auto pixels = static_cast<double>(sums.pixels);
-  const double mean = mean_scaled(sums);
+  const double mean = mean_cautious(sums);
   double standard_error = mean;  // the spread is unknown with a single pixel
   if (sums.pixels > 1) {
-    const double per_pixel = sums.scaled / pixels;
-    const double spread = sums.scaled_squares / pixels - per_pixel * per_pixel;
+    const double per_pixel = sums.cautious / pixels;
+    const double spread = sums.cautious_squares / pixels - per_pixel * per_pixel;
     standard_error = spread > 0 ? std::sqrt(spread / (pixels - 1)) / kChannels : 0;
   }
   if (mean == 0) return 0;
@@ -69,7 +74,7 @@ double upper_mean(const ErrorSums& sums, int looks) {
 }
 
 double effective_pixels(const ErrorSums& sums) {
-  return sums.scaled_squares > 0 ? sums.scaled * sums.scaled / sums.scaled_squares : 0;
+  return sums.cautious_squares > 0 ? sums.cautious * sums.cautious / sums.cautious_squares : 0;
 }
 
 ErrorEstimate estimate_error(const ErrorSums& sums, int looks) {

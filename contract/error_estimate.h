@@ -11,8 +11,9 @@ struct ErrorSums {
   double squared = 0;   // Σ over pixels and R, G, B of the variance of the mean
   double relative = 0;  // the same, each term divided by x̄₋ᵣ² + 0.01
   double scaled = 0;    // the same, each term divided by x̄₋ᵣ² + 0.01 m²; 0 without m
-  /// Σ over pixels of the square of the pixel's scaled sum, for n_eff and the bound.
-  double scaled_squares = 0;
+  double cautious = 0;  // the same, with a dark replicate in place of x̄₋ᵣ that rests on few samples
+  /// Σ over pixels of the square of the pixel's cautious sum, for n_eff and the bound.
+  double cautious_squares = 0;
 
   void add(const ErrorSums& other);
   /// Returns the sums without `part`, which must have been added before; exact up to rounding.
@@ -26,13 +27,17 @@ struct ErrorEstimate {
   double rmse = 0, relmse = 0;
   double error = 0;          // √mean of the scaled terms: the error that target errors refer to
   double error_upper95 = 0;  // √upper_mean()
-  double n_eff = 0;          // (Σc)² / Σc² over the pixels' scaled sums c; 0 if all are 0
+  double n_eff = 0;          // (Σc)² / Σc² over the pixels' cautious sums c; 0 if all are 0
   std::int64_t pixels = 0;   // covered by the estimate; 0: there is none
 };
 
 /// Returns the mean of the scaled terms over pixels and channels, the square of
 /// ErrorEstimate::error. Requires pixels > 0.
 double mean_scaled(const ErrorSums& sums);
+
+/// Returns the mean of the cautious terms over pixels and channels, on which decisions rest; at
+/// least the square of ErrorEstimate::error. Requires pixels > 0.
+double mean_cautious(const ErrorSums& sums);
 
 /// Returns the quantile of the normal distribution for one of `looks` looks, each of which spends
 /// 5 %/looks (a union bound).

@@ -38,7 +38,7 @@ void FrameStoppingRule::add(std::int32_t tile_index, std::int32_t pass, const Er
   tile.seen = pass;
   if (pass < pass_) return;
   --behind_;
-  if (sums.scaled == 0 || pass == last_pass()) stop(tile_index);
+  if (sums.cautious == 0 || pass == last_pass()) stop(tile_index);
 }
 
 void FrameStoppingRule::stop(std::int32_t index) {

@@ -66,7 +66,7 @@ void StoppingRule::add(std::int32_t tile_index, std::int32_t pass, const ErrorSu
 }
 
 bool StoppingRule::may_stop(const Tile& tile) const {
-  if (tile.newest.scaled == 0) return true;  // without noise; also if E² cannot be met
+  if (tile.newest.cautious == 0) return true;  // without noise; also if E² cannot be met
   if (futile_look_ && *futile_look_ < tile.seen) return true;
   if (!tile.others) return false;
   ErrorSums frame = *tile.others;
@@ -127,7 +127,7 @@ bool StoppingRule::is_futile_after(std::int32_t pass) const {
 /// little of the budget, since these pixels widen the bound.
 std::int32_t StoppingRule::predicted_pass(const ErrorSums& sums, std::int32_t pass,
                                           double lambda) const {
-  const double one_sample = mean_scaled(sums) * samples_after(pass);
+  const double one_sample = mean_cautious(sums) * samples_after(pass);
   const bool is_thin = effective_pixels(sums) < kMinEffectivePixels;
   // The mean square at which the tile has a thirtieth of the frame's budget.
   const double limit =
@@ -168,7 +168,7 @@ double StoppingRule::level(std::int32_t pass) const {
   double largest = 0;  // mean square ÷ samples, over active tiles
   for (const Tile& tile : tiles_) {
     const Seen seen = as_of(tile, pass);
-    if (seen.is_active) largest = std::max(largest, mean_scaled(seen.sums) / samples_after(pass));
+    if (seen.is_active) largest = std::max(largest, mean_cautious(seen.sums) / samples_after(pass));
   }
   const auto shrunk = [&](std::int32_t end) {
     const double ratio = samples_after(pass) / samples_after(end);

@@ -39,7 +39,7 @@ std::int32_t samples_of_replicate(std::int32_t first, std::int32_t count, int r)
 /// Sums over the replicates of one channel: (x_r − x̄)², plain and divided by the two denominators,
 /// each ÷ R(R−1).
 struct ChannelError {
-  double squared = 0, relative = 0, scaled = 0;
+  double squared = 0, relative = 0, scaled = 0, cautious = 0;
 };
 
 /// Returns the value that stands for the exact one in the denominator of a replicate's term: the
@@ -73,10 +73,12 @@ ChannelError channel_error(std::span<const double> means, double floor_scaled) {
     const double base = divisor(others, darkest);
     sums.squared += square;
     sums.relative += square / (others * others + kFloorRelative);
-    if (floor_scaled > 0) sums.scaled += square / (base * base + floor_scaled);
+    if (floor_scaled <= 0) continue;
+    sums.scaled += square / (others * others + floor_scaled);
+    sums.cautious += square / (base * base + floor_scaled);
   }
   const double pairs = n * (n - 1);
-  return {sums.squared / pairs, sums.relative / pairs, sums.scaled / pairs};
+  return {sums.squared / pairs, sums.relative / pairs, sums.scaled / pairs, sums.cautious / pairs};
 }
 
 /// The same for one channel of kLanes pixels at once, with all samples kept. Inner loops are over
@@ -85,7 +87,7 @@ constexpr int kLanes = 8;
 using Lanes = std::array<double, kLanes>;
 
 struct LaneErrors {
-  Lanes squared{}, relative{}, scaled{};
+  Lanes squared{}, relative{}, scaled{}, cautious{};
 };
 
 void add_lane_errors(const std::array<Lanes, kReplicates>& x, double floor_scaled,
@@ -114,7 +116,8 @@ void add_lane_errors(const std::array<Lanes, kReplicates>& x, double floor_scale
       const double base = divisor(other, darkest[l]);
       sums.squared[l] += square * (1 / kPairs);
       sums.relative[l] += square / (other * other + kFloorRelative) * (1 / kPairs);
-      sums.scaled[l] += square / (base * base + floor) * weight;
+      sums.scaled[l] += square / (other * other + floor) * weight;
+      sums.cautious[l] += square / (base * base + floor) * weight;
     }
   }
 }
@@ -315,9 +318,10 @@ ErrorSums TileSum::error_sums(double mean_luminance, std::vector<double>* per_pi
   const double floor_scaled = 0.01 * mean_luminance * mean_luminance;
   ErrorSums sums;
   sums.pixels = pixel_count();
-  const auto finish_pixel = [&](double scaled) {
+  const auto finish_pixel = [&](double scaled, double cautious) {
     sums.scaled += scaled;
-    sums.scaled_squares += scaled * scaled;
+    sums.cautious += cautious;
+    sums.cautious_squares += cautious * cautious;
     if (per_pixel != nullptr) per_pixel->push_back(scaled);
   };
   std::int64_t pixel = 0;
@@ -328,12 +332,12 @@ ErrorSums TileSum::error_sums(double mean_luminance, std::vector<double>* per_pi
       for (std::size_t l = 0; l < kLanes; ++l) {
         sums.squared += lanes.squared[l];
         sums.relative += lanes.relative[l];
-        finish_pixel(lanes.scaled[l]);
+        finish_pixel(lanes.scaled[l], lanes.cautious[l]);
       }
     }
   }
   for (; pixel < pixel_count(); ++pixel) {
-    double scaled = 0;
+    double scaled = 0, cautious = 0;
     for (int channel = 0; channel < kChannels; ++channel) {
       const ReplicateMeans means = replicate_means(pixel, channel);
       if (means.count < 2) continue;
@@ -342,8 +346,9 @@ ErrorSums TileSum::error_sums(double mean_luminance, std::vector<double>* per_pi
       sums.squared += error.squared;
       sums.relative += error.relative;
       scaled += error.scaled;
+      cautious += error.cautious;
     }
-    finish_pixel(scaled);
+    finish_pixel(scaled, cautious);
   }
   return sums;
 }

@@ -3,7 +3,7 @@
 # and after crashes, and fewer samples than without --denoise.
 . "$(dirname "$0")/farm.sh"
 
-size=96x64 error=0.08
+size=96x64 error=0.1
 scene=$scenes/same_bits.gltf
 job=(--size "$size" --max-depth 5 --frames 12 --seed 7 --tile-size 16)
 

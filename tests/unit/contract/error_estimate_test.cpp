@@ -32,7 +32,8 @@ Drawn draw(std::mt19937_64& rng, int pixels, double spread) {
       drawn.true_square += mean * mean / (3 * pixels);
     }
     drawn.sums.scaled += scaled;
-    drawn.sums.scaled_squares += scaled * scaled;
+    drawn.sums.cautious += scaled;
+    drawn.sums.cautious_squares += scaled * scaled;
   }
   return drawn;
 }
@@ -69,8 +70,8 @@ TEST(ErrorEstimate, BoundCoversErrorOfFewPixels) {
         double x[kReplicates], mean = 0, scaled = 0;
         for (double& value : x) mean += (value = normal(rng)) / kReplicates;
         for (const double value : x) scaled += (value - mean) * (value - mean) / 12;
-        sums.scaled += scaled;
-        sums.scaled_squares += scaled * scaled;
+        sums.cautious += scaled;
+        sums.cautious_squares += scaled * scaled;
         truth += mean * mean / (3 * 4096);
       }
       if (truth <= upper_mean(sums, 1)) ++covered;
@@ -80,15 +81,15 @@ TEST(ErrorEstimate, BoundCoversErrorOfFewPixels) {
 }
 
 TEST(ErrorEstimate, BoundOfOnePixelIsFinite) {
-  const ErrorSums sums{4096, 1, 1, 1, 1};
-  EXPECT_GT(upper_mean(sums, 32), 10 * mean_scaled(sums));
-  EXPECT_LT(upper_mean(sums, 32), 1000 * mean_scaled(sums));
+  const ErrorSums sums{4096, 1, 1, 1, 1, 1};
+  EXPECT_GT(upper_mean(sums, 32), 10 * mean_cautious(sums));
+  EXPECT_LT(upper_mean(sums, 32), 1000 * mean_cautious(sums));
 }
 
 TEST(ErrorEstimate, LooksShareConfidence) {
   std::mt19937_64 rng(3);
   const ErrorSums sums = draw(rng, 512, 0).sums;
-  const double mean = mean_scaled(sums);
+  const double mean = mean_cautious(sums);
   // With x = z s / mean, the bound is mean (1 + 2 x / (1 − x/2)).
   const auto quantile = [mean](double bound) {
     const double excess = bound / mean - 1;
@@ -106,7 +107,7 @@ TEST(ErrorEstimate, ScalingSumsScalesEveryFigure) {
   std::mt19937_64 rng(5);
   const ErrorSums sums = draw(rng, 64, 0.2).sums;
   const ErrorSums quarter = sums.scaled_by(0.25);
-  EXPECT_DOUBLE_EQ(mean_scaled(quarter), mean_scaled(sums) / 4);
+  EXPECT_DOUBLE_EQ(mean_cautious(quarter), mean_cautious(sums) / 4);
   EXPECT_NEAR(upper_mean(quarter, 3), upper_mean(sums, 3) / 4, 1e-15);
   EXPECT_NEAR(effective_pixels(quarter), effective_pixels(sums), 1e-9);
 }
@@ -118,17 +119,17 @@ TEST(ErrorEstimate, SubtractingPartLeavesRest) {
   whole.add(part);
   const ErrorSums left = whole.without(part);
   EXPECT_EQ(left.pixels, 128);
-  EXPECT_NEAR(mean_scaled(left), mean_scaled(rest), 1e-13 * mean_scaled(whole));
+  EXPECT_NEAR(mean_cautious(left), mean_cautious(rest), 1e-13 * mean_cautious(whole));
   EXPECT_NEAR(effective_pixels(left), effective_pixels(rest), 1e-11 * effective_pixels(rest));
 }
 
 TEST(ErrorEstimate, OnePixelErrorIsOneEffectivePixel) {
   ErrorSums sums;
   sums.pixels = 100;
-  sums.scaled = 3;
-  sums.scaled_squares = 9;
+  sums.cautious = 3;
+  sums.cautious_squares = 9;
   EXPECT_EQ(effective_pixels(sums), 1);
-  EXPECT_EQ(effective_pixels(ErrorSums{100, 0, 0, 0, 0}), 0)
+  EXPECT_EQ(effective_pixels(ErrorSums{100, 0, 0, 0, 0, 0}), 0)
       << "without error there is nothing to bound";
 }
 

@@ -38,7 +38,7 @@ class MadeFrame {
                         factors_[t * passes_.size() + static_cast<std::size_t>(pass)];
     const double sum = 3 * mean * kTilePixels;
     const double concentration = pass < concentrated_passes_ ? concentration_ : 1;
-    return {kTilePixels, sum, sum, sum, 2 * sum * sum / kTilePixels * concentration};
+    return {kTilePixels, sum, sum, sum, sum, 2 * sum * sum / kTilePixels * concentration};
   }
 
   /// Renders until every tile has stopped; `order` seeds the order of units.
