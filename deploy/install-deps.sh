@@ -24,7 +24,7 @@ test_packages=(
   libgtest-dev libgmock-dev libembree-dev
   clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14
   libopenimageio-dev openimageio-tools  # images from another library, as an oracle
-  git python3 prometheus
+  git python3 python3-numpy prometheus
   # End-to-end tests: Slurm, containers, systemd units, packages.
   slurmctld slurmd slurm-client munge
   podman podman-compose runc catatonit iptables containernetworking-plugins

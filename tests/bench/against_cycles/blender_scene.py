@@ -1,20 +1,22 @@
-"""Runs inside Blender: renders a glTF scene by Cycles, with the meaning that glTF specifies.
+"""Renders a glTF scene by Cycles, with the meaning that glTF specifies.
 
-    blender -b --factory-startup -noaudio -P blender_scene.py -- SCENE OUT.exr '{"spp": 16, ...}'
+    PYTHON blender_scene.py -- SCENE OPTIONS.json                 PYTHON has the module bpy
+    blender -b --factory-startup -noaudio -P blender_scene.py -- SCENE OPTIONS.json
 
-Options (JSON): spp, seed, size [w, h], depth (scattering events), sky (a latitude-longitude image).
-The importer of Blender 3.4 and the defaults of Cycles differ from the specification in some points;
-each function below corrects one of them. Prints a line CPU_SECONDS for the whole process. Corrected
-are only features of the compared scenes: punctual lights without the cones of spots, Lambert surfaces
-(specularFactor 0), emitters, smooth solid glass, Beer's law, alphaMode MASK.
+OPTIONS.json: {"depth": scattering events, "sky": null, a latitude-longitude image or [r, g, b],
+"jobs": [{"out": FILE.exr, "spp", "seed", "size": [w, h], "guiding": bool, "denoise": bool}]}.
+The importer and the defaults of Cycles differ from the specification in some points; each function below
+corrects one of them, in Blender 3.4 and 4.5. Corrected are only features of the compared scenes: punctual
+lights, Lambert surfaces (specularFactor 0), emitters, smooth solid glass, Beer's law, alphaMode MASK.
+Prints a line JOB with the CPU seconds of the process for each job; they include synchronising the scene.
 """
 
 import json
 import math
 import os
-import resource
 import struct
 import sys
+import time
 
 import numpy
 
@@ -22,6 +24,14 @@ for old in (bool, object, int, float):  # Blender 3.4 uses names that numpy has 
     setattr(numpy, old.__name__, old)
 
 import bpy  # noqa: E402
+
+IS_NEW = bpy.app.version >= (4, 0)
+EMISSION = "Emission Color" if IS_NEW else "Emission"
+
+def put(thing, name, value):
+    """Sets a property that this version may not have."""
+    if hasattr(thing, name):
+        setattr(thing, name, value)
 
 
 def gltf_of(path):
@@ -39,6 +49,7 @@ def mend_lights(gltf):
     silent = {g.get("name") for g in lights if "intensity" not in g}
     for light in bpy.data.lights:
         light.shadow_soft_size = 0
+        put(light, "use_soft_falloff", False)
         light.cycles.max_bounces = 1024
         light.cycles.use_multiple_importance_sampling = False
         if light.type == "SUN":
@@ -51,14 +62,17 @@ def mend_meshes():
     """Turns off the shadow terminator offsets of Cycles, which move rays off the triangles."""
     for thing in bpy.data.objects:
         if thing.type == "MESH":
-            thing.cycles.shadow_terminator_geometry_offset = 0
-            thing.cycles.shadow_terminator_offset = 0
+            for owner in (thing, thing.cycles):  # where they are depends on the version
+                for name in ("geometry", "normal", "shading"):
+                    put(owner, f"shadow_terminator_{name}_offset", 0)
+                put(owner, "shadow_terminator_offset", 0)
 
 
 class Material:
     """A Blender material with the glTF material it was imported from."""
 
     def __init__(self, blender, gltf):
+        self.blender = blender
         self.gltf = gltf
         self.tree = blender.node_tree
         self.principled = next((n for n in self.tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
@@ -84,15 +98,19 @@ class Material:
             socket.default_value = base.default_value
 
     def mend(self):
-        self.mend_mixes()
+        if not IS_NEW:
+            self.mend_mixes()
         if self.principled is None:
             return
-        self.principled.distribution = "GGX"
+        # Both compensate for multiple scattering by energy, unlike the random walk of 3.4.
+        self.principled.distribution = "MULTI_GGX" if IS_NEW else "GGX"
         self.mend_mask()
         self.mend_absorption()
         self.mend_emission()
         factors = self.gltf.get("pbrMetallicRoughness", {})
         plain = factors.get("metallicFactor", 1) == 0 and "metallicRoughnessTexture" not in factors
+        if self.extension("specular").get("specularFactor", 1) == 0 and IS_NEW:
+            self.principled.inputs["Specular IOR Level"].default_value = 0
         if plain and self.extension("transmission").get("transmissionFactor", 0) == 1:
             if factors.get("roughnessFactor", 1) == 0 and self.extension("volume").get("thicknessFactor", 0) > 0:
                 self.put(self.solid_glass())
@@ -100,7 +118,7 @@ class Material:
             self.put(self.lambert())
 
     def mend_mixes(self):
-        """Corrects the importer, which connects the scalar output of a colour mix."""
+        """Corrects the importer of 3.4, which connects the scalar output of a colour mix."""
         for node in self.tree.nodes:
             if node.type == "MIX" and node.data_type == "RGBA":
                 for link in list(node.outputs[0].links):
@@ -131,14 +149,16 @@ class Material:
                 node.inputs["Color"].default_value = [1 - s / (most or 1) for s in sigma] + [1]
 
     def emits(self):
-        emission = self.principled.inputs["Emission"]
-        return emission.is_linked or max(emission.default_value[:3]) > 0
+        emission, strength = (self.principled.inputs[name] for name in (EMISSION, "Emission Strength"))
+        is_dark = not strength.is_linked and strength.default_value == 0
+        return not is_dark and (emission.is_linked or max(emission.default_value[:3]) > 0)
 
     def mend_emission(self):
         """Makes single-sided surfaces emit from the front only; Cycles emits from both sides."""
         strength = self.principled.inputs["Emission Strength"]
         if not self.emits() or self.gltf.get("doubleSided"):
             return
+        put(self.blender.cycles, "emission_sampling", "FRONT")
         facing = self.tree.nodes.new("ShaderNodeNewGeometry")
         scale = self.tree.nodes.new("ShaderNodeMath")
         scale.operation = "MULTIPLY_ADD"
@@ -148,20 +168,31 @@ class Material:
         self.link(scale.outputs[0], strength)
 
     def lambert(self):
-        """Removes the specular layer of Principled, which ignores specularFactor."""
+        """Removes the specular layer of Principled, which ignores specularFactor in 3.4."""
         diffuse = self.node("ShaderNodeBsdfDiffuse", Roughness=0)
         self.pass_color(diffuse.inputs["Color"])
         normal = self.principled.inputs["Normal"]
         if normal.is_linked:
             self.link(normal.links[0].from_socket, diffuse.inputs["Normal"])
-        return diffuse.outputs[0]
+        alpha = self.principled.inputs["Alpha"]
+        if not alpha.is_linked and alpha.default_value == 1:
+            return diffuse.outputs[0]
+        through = self.tree.nodes.new("ShaderNodeBsdfTransparent")
+        mix = self.tree.nodes.new("ShaderNodeMixShader")
+        if alpha.is_linked:
+            self.link(alpha.links[0].from_socket, mix.inputs[0])
+        else:
+            mix.inputs[0].default_value = alpha.default_value
+        self.link(through.outputs[0], mix.inputs[1])
+        self.link(diffuse.outputs[0], mix.inputs[2])
+        return mix.outputs[0]
 
     def solid_glass(self):
         """Smooth glass: untinted reflection with the exact Fresnel term."""
         ior = self.extension("ior").get("ior", 1.5)
         mirror = self.node("ShaderNodeBsdfGlossy", Roughness=0, Color=(1, 1, 1, 1))
         through = self.node("ShaderNodeBsdfRefraction", Roughness=0, IOR=ior)
-        mirror.distribution = through.distribution = "SHARP"
+        mirror.distribution = through.distribution = "GGX" if IS_NEW else "SHARP"
         self.pass_color(through.inputs["Color"])
         fresnel = self.node("ShaderNodeFresnel", IOR=ior)
         mix = self.tree.nodes.new("ShaderNodeMixShader")
@@ -174,7 +205,7 @@ class Material:
         """Replaces Principled by the given shader and keeps its emission."""
         if self.emits():
             light = self.tree.nodes.new("ShaderNodeEmission")
-            for name, target in (("Emission", "Color"), ("Emission Strength", "Strength")):
+            for name, target in ((EMISSION, "Color"), ("Emission Strength", "Strength")):
                 source = self.principled.inputs[name]
                 if source.is_linked:
                     self.link(source.links[0].from_socket, light.inputs[target])
@@ -251,7 +282,8 @@ def frame_everything(width, height):
     return camera
 
 
-def set_sky(path):
+def set_sky(sky):
+    """Sets no sky, an image, or a constant radiance."""
     world = bpy.data.worlds.new("sky")
     bpy.context.scene.world = world
     world.use_nodes = True
@@ -259,38 +291,39 @@ def set_sky(path):
     nodes = world.node_tree.nodes
     background = nodes["Background"]
     background.inputs["Color"].default_value = (0, 0, 0, 1)
-    if path is None:
-        return
-    image = bpy.data.images.load(os.path.abspath(path))
-    image.colorspace_settings.name = "Linear"
-    sky = nodes.new("ShaderNodeTexEnvironment")
-    sky.image = image
-    world.node_tree.links.new(sky.outputs["Color"], background.inputs["Color"])
-    world.cycles.sampling_method = "MANUAL"
-    world.cycles.sample_map_resolution = 2048
+    if isinstance(sky, list):
+        background.inputs["Color"].default_value = (*sky, 1)
+    elif sky is not None:
+        image = bpy.data.images.load(os.path.abspath(sky))
+        image.colorspace_settings.name = "Linear Rec.709" if IS_NEW else "Linear"
+        texture = nodes.new("ShaderNodeTexEnvironment")
+        texture.image = image
+        world.node_tree.links.new(texture.outputs["Color"], background.inputs["Color"])
+        world.cycles.sampling_method = "MANUAL"
+        world.cycles.sample_map_resolution = 2048
 
 
-def set_sampling(options):
-    """Independent pixels with a box filter: no clamping, denoising or adaptive sampling."""
+def set_sampling(depth):
+    """Independent pixels with a box filter: no clamping or adaptive sampling."""
     scene = bpy.context.scene
     render, cycles = scene.render, scene.cycles
     render.engine = "CYCLES"
-    bounces = options["depth"] - 1  # Cycles counts them after the first scattering
+    bounces = depth - 1  # Cycles counts them after the first scattering
     settings = dict(
-        device="CPU", samples=options["spp"], seed=options["seed"], use_animated_seed=False,
-        use_adaptive_sampling=False, use_denoising=False, time_limit=0, pixel_filter_type="BOX",
-        filter_width=1, sample_clamp_direct=0, sample_clamp_indirect=0, blur_glossy=0,
-        light_sampling_threshold=0, caustics_reflective=True, caustics_refractive=True,
-        max_bounces=bounces, diffuse_bounces=bounces, glossy_bounces=bounces,
+        device="CPU", use_animated_seed=False, use_adaptive_sampling=False, time_limit=0,
+        pixel_filter_type="BOX", filter_width=1, sample_clamp_direct=0, sample_clamp_indirect=0,
+        blur_glossy=0, light_sampling_threshold=0, use_light_tree=True, caustics_reflective=True,
+        caustics_refractive=True, max_bounces=bounces, diffuse_bounces=bounces, glossy_bounces=bounces,
         transmission_bounces=bounces, volume_bounces=bounces, transparent_max_bounces=128,
-        min_light_bounces=0, min_transparent_bounces=0, use_auto_tile=False, film_exposure=1)
+        min_light_bounces=0, min_transparent_bounces=0, use_auto_tile=False, film_exposure=1,
+        denoiser="OPENIMAGEDENOISE", denoising_input_passes="RGB_ALBEDO_NORMAL",
+        denoising_prefilter="ACCURATE", denoising_quality="HIGH", denoising_use_gpu=False)
     for name, value in settings.items():
-        setattr(cycles, name, value)
-    width, height = options["size"]
+        put(cycles, name, value)
     settings = dict(
-        resolution_x=width, resolution_y=height, resolution_percentage=100, threads_mode="FIXED",
-        threads=1, film_transparent=False, use_compositing=False, use_sequencer=False,
-        dither_intensity=0, use_motion_blur=False, use_simplify=False)
+        resolution_percentage=100, threads_mode="FIXED", threads=1, film_transparent=False,
+        use_compositing=False, use_sequencer=False, dither_intensity=0, use_motion_blur=False,
+        use_simplify=False, use_persistent_data=False)
     for name, value in settings.items():
         setattr(render, name, value)
     image = render.image_settings
@@ -298,12 +331,28 @@ def set_sampling(options):
     scene.view_settings.view_transform = "Standard"
 
 
+def render_job(job):
+    """Renders one image and returns the CPU seconds."""
+    scene = bpy.context.scene
+    scene.cycles.samples, scene.cycles.seed = job["spp"], job["seed"]
+    scene.cycles.use_denoising = job.get("denoise", False)
+    put(scene.cycles, "use_guiding", job.get("guiding", False))
+    scene.render.resolution_x, scene.render.resolution_y = job["size"]
+    before = time.process_time()
+    bpy.ops.render.render(write_still=False)
+    spent = time.process_time() - before
+    bpy.data.images["Render Result"].save_render(os.path.abspath(job["out"]))
+    return spent
+
+
 def main():
-    path, output, options = sys.argv[sys.argv.index("--") + 1 :]
-    options = json.loads(options)
+    path, options = sys.argv[sys.argv.index("--") + 1 :]
+    with open(options) as file:
+        options = json.load(file)
     for thing in list(bpy.data.objects):
         bpy.data.objects.remove(thing)
-    bpy.ops.import_scene.gltf(filepath=os.path.abspath(path), convert_lighting_mode="COMPAT")
+    lighting = "export_import_convert_lighting_mode" if IS_NEW else "convert_lighting_mode"
+    bpy.ops.import_scene.gltf(filepath=os.path.abspath(path), **{lighting: "COMPAT"})
     gltf = gltf_of(path)
     mend_lights(gltf)
     mend_meshes()
@@ -311,15 +360,14 @@ def main():
     decode_textures()
     bpy.context.view_layer.update()
     cameras = [thing for thing in bpy.context.scene.objects if thing.type == "CAMERA"]
-    camera = cameras[0] if cameras else frame_everything(*options["size"])
+    camera = cameras[0] if cameras else frame_everything(*options["jobs"][0]["size"])
     camera.data.dof.use_dof = False
     bpy.context.scene.camera = camera
-    set_sky(options.get("sky"))
-    set_sampling(options)
-    bpy.ops.render.render(write_still=False)
-    bpy.data.images["Render Result"].save_render(os.path.abspath(output))
-    spent = resource.getrusage(resource.RUSAGE_SELF)
-    print("CPU_SECONDS", spent.ru_utime + spent.ru_stime)
+    set_sky(options["sky"])
+    set_sampling(options["depth"])
+    print("START_UP", time.process_time(), flush=True)
+    for job in options["jobs"]:
+        print("JOB", render_job(job), flush=True)
 
 
 main()
