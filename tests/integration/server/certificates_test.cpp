@@ -115,7 +115,7 @@ TEST_F(CertificatesTest, EndOfCertificateIsAnnounced) {
   EXPECT_EQ(contract::expiry_warning(folder, at(now)), "");
   EXPECT_NE(contract::expiry_warning(folder, at(now + 10 * day)).find("soon/tls.crt"),
             std::string::npos);
-  EXPECT_NE(contract::expiry_warning(folder, at(now + 31 * day)).find("ended at"),
+  EXPECT_NE(contract::expiry_warning(folder, at(now + 31 * day)).find("expired at"),
             std::string::npos);
   EXPECT_EQ(contract::expiry_warning("", at(now)), "");
 }
