@@ -5,7 +5,7 @@ import statistics
 
 import comparison
 
-WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 520, 340, 62, 34, 12, 44
+WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 520, 340, 62, 34, 24, 44
 COLORS = ["#1f6fb4", "#d1661f", "#8a8a2a", "#7d4b9e"]
 
 
@@ -61,7 +61,8 @@ def curves(row, goal):
         parts.append(f'<path d="M{"L".join(upper + lower)}Z" fill="{color}" fill-opacity="0.2"/>')
         parts.append(f'<path d="M{"L".join(middle)}" fill="none" stroke="{color}" stroke-width="1.6"/>')
         text = name if slope is None else f"{name}, slope {slope:.2f}"
-        parts.append(f'<text x="{WIDTH - RIGHT - 6}" y="{TOP + 16 + 15 * k}" text-anchor="end" fill="{color}">{text}</text>')
+        parts.append(f'<text x="{WIDTH - RIGHT - 6}" y="{TOP + 16 + 15 * k}" text-anchor="end" fill="{color}">'
+                     f"{text}</text>")
     body = "\n".join(parts)
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" '
             f'font-size="11"><rect width="{WIDTH}" height="{HEIGHT}" fill="#fff"/>\n{body}\n</svg>\n')

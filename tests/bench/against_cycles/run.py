@@ -31,11 +31,11 @@ from scenes import SCENES
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 PR_SET_CHILD_SUBREAPER = 36
 GOAL = 0.01  # relMSE
-SIZE, COST_SIZE = (96, 72), (160, 120)
+SIZE, QUICK_SIZE, COST_SIZE = (96, 72), (64, 48), (160, 120)
 REFERENCE_IMAGES = 8
-# Samples per pixel and seeds. A curve ends at the first count well below the goal.
-LEVELS = {1: 16, 4: 16, 16: 16, 64: 8, 256: 4, 1024: 4, 4096: 4}
-COST_SAMPLES, COST_ROUNDS = (16, 144), 2
+# Samples per pixel and seeds; Tessera takes at least four. A curve ends at the first count well below the goal.
+LEVELS = {4: 16, 16: 16, 64: 8, 256: 4, 1024: 4, 4096: 4}
+COST_SAMPLES, COST_ROUNDS = (8, 56), 3
 DENOISED_LEVELS, DENOISED_SEEDS = (16, 64, 256), 3
 GUIDED = {"cornell_glass", "interior_window"}  # where path guiding can help: light arrives indirectly
 US = "Tessera"
@@ -45,17 +45,18 @@ def log(*words):
     print(*words, file=sys.stderr, flush=True)
 
 
-def jobs_of(spp, seeds, first_seed, **more):
-    return [{"spp": spp, "seed": first_seed + k, "size": SIZE, **more} for k in range(seeds)]
+def jobs_of(spp, seeds, first_seed, size, **more):
+    return [{"spp": spp, "seed": first_seed + k, "size": size, **more} for k in range(seeds)]
 
 
-def references(name, renderers):
+def references(name, renderers, size):
     spp = SCENES[name].reference_spp // REFERENCE_IMAGES
     made = {}
     for renderer, program in renderers.items():
         if renderer.endswith("guided"):
             continue  # the same expected image, and a second training for nothing
-        made[renderer] = Reference([image for image, _ in program.render(name, jobs_of(spp, REFERENCE_IMAGES, 1))])
+        made[renderer] = Reference([image for image, _ in program.render(
+            name, jobs_of(spp, REFERENCE_IMAGES, 1, size))])
         log(f"{name}: reference of {renderer}, relMSE {made[renderer].rel_mse:.1e}")
     return made
 
@@ -72,24 +73,24 @@ def cost_per_sample(name, renderers):
     return {renderer: min(values) / area for renderer, values in found.items()}
 
 
-def error_curve(name, program, reference):
+def error_curve(name, program, reference, size):
     """Returns [(spp, errors of the seeds)] until the error is well below the goal."""
     curve = []
     for spp, seeds in LEVELS.items():
-        errors = [reference.error_of(image) for image, _ in program.render(name, jobs_of(spp, seeds, 1000))]
+        errors = [reference.error_of(image) for image, _ in program.render(name, jobs_of(spp, seeds, 1000, size))]
         curve.append((spp, errors))
         if statistics.mean(errors) <= GOAL / 2 and len(curve) > 2:
             break
     return curve
 
 
-def denoised(name, program, reference, cost):
+def denoised(name, program, reference, cost, size):
     """Returns {spp: {raw, denoised, seconds_per_megapixel}}."""
     found = {}
-    area = SIZE[0] * SIZE[1] * 1e-6
+    area = size[0] * size[1] * 1e-6
     for spp in DENOISED_LEVELS:
-        raw = program.render(name, jobs_of(spp, DENOISED_SEEDS, 3000))
-        smooth = program.render(name, jobs_of(spp, DENOISED_SEEDS, 3000, denoise=True))
+        raw = program.render(name, jobs_of(spp, DENOISED_SEEDS, 3000, size))
+        smooth = program.render(name, jobs_of(spp, DENOISED_SEEDS, 3000, size, denoise=True))
         extra = statistics.median(b[1] - a[1] for a, b in zip(raw, smooth))
         found[spp] = {"raw": statistics.mean(reference.error_of(image) for image, _ in raw),
                       "denoised": statistics.mean(reference.error_of(image) for image, _ in smooth),
@@ -97,16 +98,16 @@ def denoised(name, program, reference, cost):
     return found
 
 
-def compare(name, renderers):
+def compare(name, renderers, size):
     renderers = {renderer: program for renderer, program in renderers.items()
                  if name in GUIDED or not renderer.endswith("guided")}
-    made = references(name, renderers)
+    made = references(name, renderers, size)
     cost = cost_per_sample(name, renderers)
     row = {"scene": name, "renderers": {}}
     for renderer, program in renderers.items():
         reference = made.get(renderer) or made[renderer.removesuffix(", guided")]
         curve = [(1e6 * cost[renderer] * spp, errors)
-                 for spp, errors in error_curve(name, program, reference)]
+                 for spp, errors in error_curve(name, program, reference, size)]
         means = comparison.means(curve)
         entry = {"cpu_seconds_per_megasample": cost[renderer] * 1e6, "reference_relmse": reference.rel_mse,
                  "curve": curve, "slope": comparison.slope(means),
@@ -120,7 +121,7 @@ def compare(name, renderers):
                 entry["ratio"] = entry["seconds_per_megapixel"] / ours["seconds_per_megapixel"]
                 entry["interval"] = comparison.ratio_interval(curve, ours["curve"], GOAL)
         if not renderer.endswith("guided"):
-            entry["denoised"] = denoised(name, program, reference, cost[renderer])
+            entry["denoised"] = denoised(name, program, reference, cost[renderer], size)
         row["renderers"][renderer] = entry
         log(f"{name}: {renderer}: " + json.dumps({k: v for k, v in entry.items() if k != "curve"}))
     return row
@@ -178,12 +179,24 @@ def denoised_table(rows, peer):
     return "\n".join(lines)
 
 
+def tables(rows):
+    """Returns all tables as Markdown."""
+    found = list(dict.fromkeys(peer for row in rows for peer in row["renderers"] if peer != US))
+    parts = []
+    for peer in found:
+        parts.append(raw_table(rows, peer)[0])
+        if not peer.endswith("guided"):
+            parts.append(denoised_table(rows, peer))
+    return "\n\n".join(parts)
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("scenes", type=pathlib.Path)
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/release/bin")
     parser.add_argument("--python", type=pathlib.Path, default=ROOT / "build/peers/bin/python")
     parser.add_argument("--only", action="append", choices=SCENES)
+    parser.add_argument("--quick", action="store_true", help="smaller images, for wider intervals in half the time")
     parser.add_argument("--out", type=pathlib.Path, help="folder for results.json, tables.md and SVG curves")
     args = parser.parse_args()
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
@@ -195,16 +208,13 @@ def main():
             sys.exit("against_cycles: no Cycles is installed; see the head of tests/bench/against_cycles.sh")
         rows = []
         for name in args.only or SCENES:
-            rows.append(compare(name, renderers))
+            rows.append(compare(name, renderers, QUICK_SIZE if args.quick else SIZE))
             if args.out:
                 args.out.mkdir(parents=True, exist_ok=True)
                 (args.out / "results.json").write_text(json.dumps(rows, indent=1) + "\n")
+                (args.out / "tables.md").write_text(tables(rows) + "\n")
                 (args.out / f"{name}.svg").write_text(plot.curves(rows[-1], GOAL))
-    text = "\n\n".join(part for peer in list(renderers)[1:] for part in (
-        raw_table(rows, peer)[0], "" if peer.endswith("guided") else denoised_table(rows, peer)) if part)
-    print(text)
-    if args.out:
-        (args.out / "tables.md").write_text(text + "\n")
+    print(tables(rows))
     return 0
 
 

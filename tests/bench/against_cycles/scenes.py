@@ -24,14 +24,14 @@ class Scene:
 
 VENICE = "env/venice_sunset_1k.hdr"
 SCENES = {
-    "cornell_diffuse": Scene("cm_cornell_diffuse/cm_cornell_diffuse.glb", 4096, 9),
-    "cornell_glass": Scene("cm_cornell_glass/cm_cornell_glass.glb", 16384, 17),
-    "interior_window": Scene("cm_interior_window/cm_interior_window.glb", 16384, 9, (1, 1.2, 1.5)),
-    "manylights200": Scene("cm_manylights200/cm_manylights200.glb", 16384, 9),
-    "punctual": Scene("cm_punctual/cm_punctual.glb", 4096, 9),
-    "alpha": Scene("cm_alpha/cm_alpha.glb", 8192, 9),
-    "spheres_grid": Scene("cm_spheres_grid/cm_spheres_grid.glb", 8192, 9, VENICE),
-    "bunnies1024": Scene("cm_bunnies1024/cm_bunnies1024.glb", 4096, 9, VENICE),
+    "cornell_diffuse": Scene("cm_cornell_diffuse/cm_cornell_diffuse.glb", 2048, 9),
+    "cornell_glass": Scene("cm_cornell_glass/cm_cornell_glass.glb", 8192, 17),
+    "interior_window": Scene("cm_interior_window/cm_interior_window.glb", 8192, 9, (1, 1.2, 1.5)),
+    "manylights200": Scene("cm_manylights200/cm_manylights200.glb", 8192, 9),
+    "punctual": Scene("cm_punctual/cm_punctual.glb", 2048, 9),
+    "alpha": Scene("cm_alpha/cm_alpha.glb", 4096, 9),
+    "spheres_grid": Scene("cm_spheres_grid/cm_spheres_grid.glb", 4096, 9, VENICE),
+    "bunnies1024": Scene("cm_bunnies1024/cm_bunnies1024.glb", 2048, 9, VENICE),
     "damaged_helmet": Scene("DamagedHelmet/DamagedHelmet.glb", 4096, 9, VENICE),
     "venus": Scene("VkVenus/venus.gltf", 4096, 9, VENICE),
     "knight": Scene("KnightGT/chr_knight.glb", 4096, 9, VENICE),
