@@ -29,12 +29,12 @@ struct PassOptions {
 /// Adds a tile's block to the sums of the frame: 3 * kReplicates values per pixel.
 void add_block(const contract::FilmBlock& block, const contract::PixelRect& rect,
                std::int32_t width, std::vector<double>& sums) {
-  constexpr std::size_t values = std::size_t{3} * contract::kReplicates;
+  constexpr std::size_t kValues = std::size_t{3} * contract::kReplicates;
   for (std::int64_t pixel = 0; pixel < block.shape.pixel_count(); ++pixel) {
     const std::int64_t x = rect.x + pixel % rect.width, y = rect.y + pixel / rect.width;
-    double* to = &sums[values * as_index(y * width + x)];
-    const float* from = &block.rgb[values * as_index(pixel)];
-    for (std::size_t i = 0; i < values; ++i) to[i] += from[i];
+    double* to = &sums[kValues * as_index(y * width + x)];
+    const float* from = &block.rgb[kValues * as_index(pixel)];
+    for (std::size_t i = 0; i < kValues; ++i) to[i] += from[i];
   }
 }
 
