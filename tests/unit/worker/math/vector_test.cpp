@@ -70,12 +70,12 @@ TEST(Transform, SingularMatricesHaveNoInverse) {
 }
 
 TEST(FloatBits, NeighboursMatchNextafter) {
-  constexpr float infinity = std::numeric_limits<float>::infinity();
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
   for (const float x : {0.0f, -0.0f, 1.0f, -1.0f, 0x1p-149f, -0x1p-149f, 0x1p-126f, 3.4e38f}) {
-    EXPECT_EQ(next_up(x), std::nextafter(x, infinity)) << x;
-    EXPECT_EQ(next_down(x), std::nextafter(x, -infinity)) << x;
+    EXPECT_EQ(next_up(x), std::nextafter(x, kInfinity)) << x;
+    EXPECT_EQ(next_down(x), std::nextafter(x, -kInfinity)) << x;
   }
-  EXPECT_EQ(next_up(std::numeric_limits<float>::max()), infinity);
+  EXPECT_EQ(next_up(std::numeric_limits<float>::max()), kInfinity);
 }
 
 }  // namespace
