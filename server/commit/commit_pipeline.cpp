@@ -220,10 +220,10 @@ CommitPipeline::Task CommitPipeline::row_task(JobKey key, std::optional<JobRecor
 absl::Status CommitPipeline::write_job(const JobRecord& record) {
   if (record.state == static_cast<std::int32_t>(JobState::done)) {
     // Blocks and units first: a job that is DONE in the journal has none.
-    absl::Status closed = store_.close_job(record.id);
+    absl::Status closed = store_.units().close_job(record.id);
     if (!closed.ok()) return closed;
   }
-  return store_.update_job(record);
+  return store_.jobs().update(record);
 }
 
 CommitPipeline::Task CommitPipeline::roster_task(const std::string& worker_id, bool joined) {

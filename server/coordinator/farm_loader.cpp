@@ -18,7 +18,7 @@ namespace {
 
 /// Restores the sums over units whose rows are deleted.
 absl::Status restore_totals(const Store& store, Scheduler& scheduler, Job& job) {
-  const auto totals = store.totals(job.spec->id);
+  const auto totals = store.units().totals(job.spec->id);
   if (!totals.ok()) return totals.status();
   for (const UnitTotals& total : *totals) {
     scheduler.restore_contribution(job, total.worker_id, {total.units, total.cpu_seconds});
@@ -32,7 +32,7 @@ absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
                            const std::function<void(const UnitRecord&)>& visit_open) {
   if (absl::Status status = restore_totals(store, scheduler, job); !status.ok()) return status;
   const JobPlan& plan = job.open_plan();
-  return store.for_each_unit(job.spec->id, [&](const UnitRecord& unit) {
+  return store.units().for_each(job.spec->id, [&](const UnitRecord& unit) {
     if (!plan.contains(unit.unit)) return;
     scheduler.restore_unit(job, unit.unit, unit.worker_id, unit.cpu_seconds);
     if (unit.audit == AuditState::ended) ++job.counters.audited;
@@ -43,18 +43,18 @@ absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
 /// Restores the cost of a job whose units this server does not read.
 absl::Status restore_costs(const Store& store, Scheduler& scheduler, Job& job) {
   if (absl::Status status = restore_totals(store, scheduler, job); !status.ok()) return status;
-  return store.for_each_unit(job.spec->id, [&](const UnitRecord& unit) {
+  return store.units().for_each(job.spec->id, [&](const UnitRecord& unit) {
     scheduler.restore_contribution(job, unit.worker_id, {1, unit.cpu_seconds});
   });
 }
 
 /// Returns whether any unit of the job has been rendered.
 absl::StatusOr<bool> has_started(const Store& store, const std::string& job_id) {
-  const auto frames = store.frames(job_id);
+  const auto frames = store.frames().list(job_id);
   if (!frames.ok()) return frames.status();
   bool started = !frames->empty();
   if (started) return true;
-  absl::Status status = store.for_each_unit(job_id, [&](const UnitRecord&) { started = true; });
+  absl::Status status = store.units().for_each(job_id, [&](const UnitRecord&) { started = true; });
   if (!status.ok()) return status;
   return started;
 }
@@ -64,7 +64,7 @@ absl::StatusOr<bool> has_started(const Store& store, const std::string& job_id) 
 absl::Status FarmLoader::load() {
   const auto banned = parts_.store.workers().banned_workers();
   if (!banned.ok()) return banned.status();
-  const auto records = parts_.store.jobs();
+  const auto records = parts_.store.jobs().list();
   if (!records.ok()) return records.status();
   FarmChange change(parts_.farm);
   for (const std::string& worker_id : *banned) change.scheduler().ban(worker_id);
@@ -147,7 +147,7 @@ absl::Status FarmLoader::note_removed(FarmChange& change, const std::string& job
   const std::vector<Dependency> after = change.find_job(job_id)->spec->after;
   for (const Dependency& dependency : after) {
     if (change.find_job(dependency.job_id) != nullptr) continue;
-    const auto state = parts_.store.removed_state(dependency.job_id);
+    const auto state = parts_.store.jobs().removed_state(dependency.job_id);
     if (!state.ok()) return state.status();
     if (!state->has_value()) continue;
     change.scheduler().note_removed(dependency.job_id, static_cast<JobState>(**state));
@@ -156,7 +156,7 @@ absl::Status FarmLoader::note_removed(FarmChange& change, const std::string& job
 }
 
 absl::Status FarmLoader::load_frames(FarmChange& change, Job& job) {
-  const auto frames = parts_.store.frames(job.spec->id);
+  const auto frames = parts_.store.frames().list(job.spec->id);
   if (!frames.ok()) return frames.status();
   JobFilm& film = change.film(job);
   job.open_plan();

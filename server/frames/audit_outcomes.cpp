@@ -27,7 +27,7 @@ void AuditOutcomes::carry_out(FarmChange& change, const Effects& effects) {
 }
 
 void AuditOutcomes::end_audit(FarmChange& change, const UnitName& unit) {
-  pipeline_.post_write([this, unit] { return store_.end_audits(unit.job_id, {unit.unit}); },
+  pipeline_.post_write([this, unit] { return store_.units().end_audits(unit.job_id, {unit.unit}); },
                        [this](const absl::Status& status) { log_failure("audits", status); });
   Job* job = change.find_job(unit.job_id);
   if (job != nullptr) finisher_.finish_if_complete(change, *job, unit.unit.frame);
@@ -87,7 +87,7 @@ void AuditOutcomes::doubt_frames(FarmChange& change, const Job& job,
 absl::Status AuditOutcomes::write_doubts(const std::string& job_id,
                                          const std::vector<std::int32_t>& frames,
                                          const std::string& worker_id) {
-  auto rows = store_.frames(job_id);
+  auto rows = store_.frames().list(job_id);
   if (!rows.ok()) return rows.status();
   absl::Status written;
   const absl::Status together = store_.write_together([&] {
@@ -95,7 +95,8 @@ absl::Status AuditOutcomes::write_doubts(const std::string& job_id,
       if (std::find(frames.begin(), frames.end(), row.frame) == frames.end()) continue;
       FrameSummary summary = read_frame_summary(row.statistics_json);
       summary.doubts.push_back(suspect_frame_warning(row.frame, worker_id));
-      written.Update(store_.update_statistics(job_id, row.frame, write_frame_summary(summary)));
+      written.Update(
+          store_.frames().update_statistics(job_id, row.frame, write_frame_summary(summary)));
     }
   });
   return together.ok() ? written : together;

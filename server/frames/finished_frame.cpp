@@ -62,7 +62,7 @@ absl::StatusOr<FrameResult> draw(FilmCache& film, Store& store, const FrameKey& 
                                  const FrameSpec& frame, const std::string& name) {
   const TileReader read_tile = [&](std::int32_t tile) { return film.tile(key, tile); };
   const auto new_path = [&]() -> absl::StatusOr<std::string> {
-    const auto folder = store.output_folder(key.job_id);
+    const auto folder = store.frames().output_folder(key.job_id);
     if (!folder.ok()) return folder.status();
     return absl::StrCat(*folder, "/", name);
   };
@@ -71,7 +71,7 @@ absl::StatusOr<FrameResult> draw(FilmCache& film, Store& store, const FrameKey& 
     return path.ok() ? write_frame(frame, read_tile, *path) : path.status();
   }
   auto result = encode_frame(frame, read_tile);
-  if (!result.ok() || result->file_bytes <= store.max_row_image_bytes()) return result;
+  if (!result.ok() || result->file_bytes <= store.frames().max_row_bytes()) return result;
   const auto path = new_path();
   if (!path.ok()) return path.status();
   absl::Status written = write_file(*path, std::exchange(result->image, ""));

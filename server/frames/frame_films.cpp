@@ -35,7 +35,7 @@ absl::StatusOr<contract::FilmBlock> FrameFilms::read_block(const std::string& jo
   }
   if (!record) return absl::NotFoundError("block not committed");
   farm_.metrics().film_blocks.read_back.Increment();
-  const auto bytes = store_.read_block(job_id, *record);
+  const auto bytes = store_.units().read_block(job_id, *record);
   if (absl::IsDataLoss(bytes.status())) damaged_.push_back(unit);
   if (!bytes.ok()) return bytes.status();
   return contract::decode(*bytes, shape, sample_count);

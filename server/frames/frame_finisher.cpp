@@ -194,8 +194,8 @@ void FrameFinisher::finish(const FrameKey& key) {
         if (!may_record(key)) return absl::CancelledError("its units are rendered again");
         const FrameRecord& record = frame->record;
         absl::Status written = frame->image.empty()
-                                   ? store_.finish_frame(key.job_id, record)
-                                   : store_.finish_small_frame(key.job_id, record, frame->image);
+                                   ? store_.frames().finish(key.job_id, record)
+                                   : store_.frames().finish_small(key.job_id, record, frame->image);
         if (written.ok()) tell_finished(key, spec->owner);
         return written;
       },
@@ -239,7 +239,7 @@ void FrameFinisher::redo(const FrameKey& key, const std::vector<Unit>& units,
                          bool reset_pass_targets) {
   std::shared_ptr<const JobSpec> spec;
   if (const FarmView view(farm_); const Job* job = view.find_job(key.job_id)) spec = job->spec;
-  const absl::Status status = store_.drop_units(key.job_id, units);
+  const absl::Status status = store_.units().drop(key.job_id, units);
   if (!status.ok()) return fail(key, status);
   if (spec != nullptr) budgets_.recount(*spec);  // they are no longer charged
   FarmChange change(farm_);

@@ -64,7 +64,7 @@ absl::StatusOr<FrameFile> FrameImages::make_file(const FrameQuery& query) {
 /// A small image is in memory, for another format in a temporary file.
 absl::StatusOr<FrameFile> FrameImages::find_finished(const FrameQuery& query,
                                                      const FrameRecord& finished) {
-  auto image = store_.row_image(query.job_id, query.frame);
+  auto image = store_.frames().row_image(query.job_id, query.frame);
   if (!image.ok()) return image.status();
   FrameFile file;
   file.file_sha256 = finished.file_sha256;
@@ -74,7 +74,7 @@ absl::StatusOr<FrameFile> FrameImages::find_finished(const FrameQuery& query,
     file.size_bytes = static_cast<std::int64_t>(file.bytes.size());
     return file;
   }
-  const auto folder = store_.output_folder(query.job_id);
+  const auto folder = store_.frames().output_folder(query.job_id);
   if (!folder.ok()) return folder.status();
   if (*image) {
     file.path = new_temporary_path(*folder);
@@ -109,7 +109,7 @@ absl::StatusOr<FrameFile> FrameImages::write_partial(const FrameQuery& query, co
   FilmCache& film = finisher_.films().cache();
   const bool was_open = film.is_open(key);
   finisher_.open(key);
-  const auto folder = store_.output_folder(query.job_id);
+  const auto folder = store_.frames().output_folder(query.job_id);
   if (!folder.ok()) return folder.status();
   const std::string path = new_temporary_path(*folder);
   const auto luminance = film.mean_luminance(key);

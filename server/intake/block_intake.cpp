@@ -211,7 +211,7 @@ std::vector<BlockIntake::Delivered> BlockIntake::next_blocks() {
 void BlockIntake::commit_group(Group& group) {
   group.started = farm_.now();
   check_group(group);
-  for (auto& [job_id, job] : group.jobs) job.status = store_.commit(job.commits);
+  for (auto& [job_id, job] : group.jobs) job.status = store_.units().commit(job.commits);
 }
 
 void BlockIntake::check_group(Group& group) {

@@ -178,7 +178,7 @@ absl::StatusOr<JobView> JobAdmin::extend_now(const std::string& job_id,
   const std::vector<contract::Pass> after = contract::schedule(spec->settings);
   std::vector<Unit> dropped;
   std::vector<UnitRecord> kept;
-  absl::Status status = store_.for_each_unit(job_id, [&](const UnitRecord& unit) {
+  absl::Status status = store_.units().for_each(job_id, [&](const UnitRecord& unit) {
     const auto pass = static_cast<std::size_t>(unit.unit.pass);
     if (pass < before.size() && pass < after.size() && before[pass] == after[pass]) {
       kept.push_back(unit);
@@ -188,7 +188,7 @@ absl::StatusOr<JobView> JobAdmin::extend_now(const std::string& job_id,
   });
   if (!status.ok()) return status;
   spec->request = record.request = farm_.options().write_request(*spec);
-  status = store_.rewrite_job(record, dropped);
+  status = store_.jobs().rewrite(record, dropped);
   if (!status.ok()) return status;
   return replan(job_id, spec, kept);
 }
@@ -249,7 +249,7 @@ absl::StatusOr<JobView> JobAdmin::update_now(const std::string& job_id, const Up
   record.request = spec->request;
   const Event event{0, 0, EventKind::job_changed, job_id, spec->owner, "", describe(*spec)};
   const absl::Status written =
-      pipeline_.write_and_tell([&] { return store_.rewrite_job(record, {}); }, event);
+      pipeline_.write_and_tell([&] { return store_.jobs().rewrite(record, {}); }, event);
   if (!written.ok()) return written;
   FarmChange change(farm_);
   Job& job = *change.find_job(job_id);  // only this thread removes jobs
@@ -277,7 +277,8 @@ absl::Status JobAdmin::remove_now(const std::string& job_id) {
     }
     event.owner = job->spec->owner;
   }
-  absl::Status removed = pipeline_.write_and_tell([&] { return store_.remove_job(job_id); }, event);
+  absl::Status removed =
+      pipeline_.write_and_tell([&] { return store_.jobs().remove(job_id); }, event);
   if (!removed.ok()) return removed;
   JobKey key = 0;
   std::shared_ptr<const JobSpec> spec;

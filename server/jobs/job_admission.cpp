@@ -153,7 +153,7 @@ absl::Status JobAdmission::add_row(Request& request) {
   absl::Status status;
   for (int attempt = 0; attempt < 4; ++attempt) {  // the ID of a removed job may be drawn again
     request.record.id = new_job_id();
-    status = store_.add_job(request.record);
+    status = store_.jobs().add(request.record);
     if (!absl::IsAlreadyExists(status)) break;
   }
   const JobRecord& job = request.record;

@@ -119,7 +119,7 @@ absl::StatusOr<JobReport> FarmQueries::report(const std::string& job_id) const {
     }
     finished = view.film(*job).finished;
   }
-  const auto frames = parts_.store.frames(job_id);
+  const auto frames = parts_.store.frames().list(job_id);
   if (!frames.ok()) return frames.status();
   for (const FrameRecord& frame : *frames) {
     // Frames that were finished under other settings or just now are not in this report.

@@ -34,7 +34,7 @@ absl::StatusOr<double> Budgets::used(const Account& account, const BudgetState& 
 }
 
 absl::Status Budgets::load(FarmChange& change) {
-  const auto rows = store_.settings(SettingKind::budget);
+  const auto rows = store_.settings().read(SettingKind::budget);
   if (!rows.ok()) return rows.status();
   for (const auto& [name, value] : *rows) {
     auto state = read_budget(value);
@@ -70,7 +70,7 @@ void Budgets::tell(const Account& account, const BudgetState& state, const std::
   const Event event{0, 0, kind, "", owner, "", budget_text(account, state)};
   pipeline_.post_write(
       [this, rows = rows_of(ledger_), event] {
-        absl::Status status = store_.save_settings(SettingKind::budget, rows);
+        absl::Status status = store_.settings().save(SettingKind::budget, rows);
         if (status.ok()) pipeline_.tell(event);
         return status;
       },
@@ -103,7 +103,7 @@ absl::StatusOr<Budgets::Entry> Budgets::set_now(const Account& account, const Bu
     return absl::ResourceExhaustedError(
         absl::StrCat("there are ", kMaxBudgets, " budgets already"));
   }
-  if (absl::Status saved = store_.save_settings(SettingKind::budget, rows); !saved.ok()) {
+  if (absl::Status saved = store_.settings().save(SettingKind::budget, rows); !saved.ok()) {
     return saved;
   }
   FarmChange change(farm_);
@@ -126,7 +126,7 @@ absl::Status Budgets::remove_now(const Account& account) {
   if (rows.erase(row_name(account)) == 0) {
     return absl::NotFoundError(absl::StrCat("no budget of ", account_text(account)));
   }
-  if (absl::Status saved = store_.save_settings(SettingKind::budget, rows); !saved.ok()) {
+  if (absl::Status saved = store_.settings().save(SettingKind::budget, rows); !saved.ok()) {
     return saved;
   }
   FarmChange change(farm_);

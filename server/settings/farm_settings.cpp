@@ -35,21 +35,21 @@ Settings use_rows(const std::vector<UsageRow>& table) {
 }  // namespace
 
 absl::Status FarmSettings::load(FarmChange& change) {
-  const auto limits = store_.settings(SettingKind::limit);
+  const auto limits = store_.settings().read(SettingKind::limit);
   if (!limits.ok()) return limits.status();
   for (const auto& [name, value] : *limits) {
     std::int64_t units = 0;
     if (absl::SimpleAtoi(value, &units)) change.scheduler().set_limit(name, units, change.now());
   }
-  const auto pools = store_.settings(SettingKind::pool);
+  const auto pools = store_.settings().read(SettingKind::pool);
   if (!pools.ok()) return pools.status();
   for (const auto& [worker, pool] : *pools) change.scheduler().move(worker, pool, change.now());
-  const auto aside = store_.settings(SettingKind::aside);
+  const auto aside = store_.settings().read(SettingKind::aside);
   if (!aside.ok()) return aside.status();
   for (const auto& [worker, reason] : *aside) {
     change.scheduler().set_aside(worker, reason, change.now());
   }
-  const auto use = store_.settings(SettingKind::use);
+  const auto use = store_.settings().read(SettingKind::use);
   if (!use.ok()) return use.status();
   std::vector<UsageRow> table;
   for (const auto& [owner, value] : *use) {
@@ -86,7 +86,7 @@ absl::StatusOr<LimitView> FarmSettings::set_limit_now(const std::string& name, s
   if (rows.size() > kMaxLimits) {
     return absl::ResourceExhaustedError(absl::StrCat("there are ", kMaxLimits, " limits already"));
   }
-  if (absl::Status saved = store_.save_settings(SettingKind::limit, rows); !saved.ok()) {
+  if (absl::Status saved = store_.settings().save(SettingKind::limit, rows); !saved.ok()) {
     return saved;
   }
   FarmChange change(farm_);
@@ -106,7 +106,7 @@ absl::Status FarmSettings::remove_limit_now(const std::string& name) {
     rows = limit_rows(view.scheduler().limits());
   }
   if (rows.erase(name) == 0) return no_such_limit(name);
-  if (absl::Status saved = store_.save_settings(SettingKind::limit, rows); !saved.ok()) {
+  if (absl::Status saved = store_.settings().save(SettingKind::limit, rows); !saved.ok()) {
     return saved;
   }
   FarmChange change(farm_);
@@ -138,7 +138,7 @@ absl::Status FarmSettings::move_now(const std::string& worker_id, const std::str
     rows[worker_id] = pool;
   }
   absl::Status saved =
-      pipeline_.write_and_tell([&] { return store_.save_settings(SettingKind::pool, rows); },
+      pipeline_.write_and_tell([&] { return store_.settings().save(SettingKind::pool, rows); },
                                {0, 0, EventKind::worker_moved, "", "", worker_id,
                                 pool.empty() ? "its own pool" : absl::StrCat("pool ", pool)});
   if (!saved.ok()) return saved;
@@ -168,7 +168,7 @@ absl::Status FarmSettings::set_aside_now(const std::string& worker_id, const std
   }
   rows[worker_id] = reason;
   absl::Status saved =
-      pipeline_.write_and_tell([&] { return store_.save_settings(SettingKind::aside, rows); },
+      pipeline_.write_and_tell([&] { return store_.settings().save(SettingKind::aside, rows); },
                                {0, 0, EventKind::worker_set_aside, "", "", worker_id, reason});
   if (!saved.ok()) return saved;
   FarmChange change(farm_);
@@ -195,7 +195,7 @@ absl::Status FarmSettings::bring_back_now(const std::string& worker_id) {
   }
   rows.erase(worker_id);
   absl::Status saved =
-      pipeline_.write_and_tell([&] { return store_.save_settings(SettingKind::aside, rows); },
+      pipeline_.write_and_tell([&] { return store_.settings().save(SettingKind::aside, rows); },
                                {0, 0, EventKind::worker_brought_back, "", "", worker_id, ""});
   if (!saved.ok()) return saved;
   FarmChange change(farm_);
@@ -209,7 +209,7 @@ absl::Status FarmSettings::bring_back_now(const std::string& worker_id) {
 void FarmSettings::write_use(FarmChange& change) {
   pipeline_.post_write(
       [this, rows = use_rows(change.scheduler().usage(change.now()))] {
-        return store_.save_settings(SettingKind::use, rows);
+        return store_.settings().save(SettingKind::use, rows);
       },
       [this](const absl::Status& status) {
         if (status.ok()) return;

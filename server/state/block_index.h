@@ -38,7 +38,7 @@ class BlockIndex {
   void remove(const contract::Unit& unit);
   /// Returns nullptr if the unit is not in the index.
   const BlockLocation* find(const contract::Unit& unit) const;
-  /// Returns the record that Store::read_block needs; nullopt if the unit is not in the index.
+  /// Returns the record that UnitStore::read_block needs; nullopt if the unit is not in the index.
   std::optional<UnitRecord> record(const contract::Unit& unit) const;
   /// Returns the progress by pass; empty if nothing of the frame is committed.
   std::vector<PassProgress> progress(std::int32_t frame) const;

@@ -4,8 +4,6 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <map>
-#include <set>
 #include <utility>
 
 #include "absl/strings/escaping.h"
@@ -74,13 +72,13 @@ absl::StatusOr<std::unique_ptr<Store>> DiskStore::open(const std::string& folder
   if (status.ok()) status = store->start();
   // A full disk shows as one of several errors of SQLite.
   if (!status.ok() && !absl::IsDataLoss(status) && !absl::IsFailedPrecondition(status) &&
-      (store->start_ballast_.give_up() || store->ballast_.give_up())) {
+      store->reserve_.give_up_to_start()) {
     store->options_.warn(absl::StrCat("the disk of the store ", clean, " is full: ",
                                       std::string(status.message()), "; remove jobs"));
     status = store->start();
   }
   if (status.ok()) status = store->clean_up();
-  if (status.ok()) store->set_up_ballast();
+  if (status.ok()) store->reserve_.set_up();
   if (!status.ok()) {
     return absl::Status(status.code(),
                         absl::StrCat("store ", clean, ": ", std::string(status.message())));
@@ -92,10 +90,7 @@ DiskStore::DiskStore(std::string folder, Filesystem& filesystem, StoreOptions op
     : options_(std::move(options)),
       folder_(std::move(folder)),
       files_(filesystem, options_.fatal, options_.synced),
-      ballast_(filesystem, absl::StrCat(folder_, "/ballast"), options_.ballast_bytes),
-      start_ballast_(filesystem, absl::StrCat(folder_, "/ballast.start"),
-                     options_.ballast_bytes / 4),
-      segments_(files_, absl::StrCat(folder_, "/segments"), options_.segment_bytes) {}
+      reserve_(filesystem, folder_, options_.ballast_bytes) {}
 
 absl::Status DiskStore::make_folders() {
   Filesystem& filesystem = files_.filesystem();
@@ -139,6 +134,7 @@ absl::Status DiskStore::start() {
   events_ = std::make_unique<EventRows>(*journal_, options_.max_events);
   usage_ = std::make_unique<UsageRows>(*journal_);
   workers_ = std::make_unique<WorkerRows>(*journal_, options_.now_us);
+  settings_ = std::make_unique<SettingsRows>(*journal_);
   if (absl::Status opened = events_->open(); !opened.ok()) return opened;
   const absl::Status counted = journal_->write([&](Database& rows) {
     return rows.run(
@@ -150,64 +146,22 @@ absl::Status DiskStore::start() {
 }
 
 absl::Status DiskStore::clean_up() {
+  const auto in = [&](const char* name) { return absl::StrCat(folder_, "/", name); };
   assets_ = std::make_unique<DiskAssets>(
-      files_, *journal_, absl::StrCat(folder_, "/assets"),
+      files_, *journal_, in("assets"),
       DiskAssets::Options{options_.row_asset_bytes, boot_count_, options_.now_us, options_.warn});
+  units_ = std::make_unique<UnitRows>(
+      files_, *journal_, in("segments"),
+      UnitRows::Options{options_.segment_bytes, options_.row_block_bytes,
+                        options_.row_blocks_per_job_bytes, options_.now_us, options_.warn});
+  frames_ =
+      std::make_unique<FrameRows>(files_, *journal_, in("outputs"),
+                                  FrameRows::Options{options_.row_image_bytes, options_.warn});
+  jobs_ = std::make_unique<JobRows>(*journal_, reserve_, *units_, *frames_);
   if (absl::Status cleaned = assets_->clean_up(); !cleaned.ok()) return cleaned;
-  std::set<std::pair<std::string, std::int64_t>> known_segments;
-  absl::Status status = journal_->read([&](Database& rows) {
-    return rows.each("SELECT id, segment, bytes FROM segments JOIN jobs ON job=sequence", {},
-                     [&](const SqlRow& row) {
-                       known_segments.emplace(row.text(0), row.integer(1));
-                       content_bytes_ += row.integer(2);
-                     });
-  });
-  if (!status.ok()) return status;
-  status = segments_.remove_orphans(
-      [&](const std::string& job_id, std::int64_t segment) {
-        return known_segments.count({job_id, segment}) != 0;
-      },
-      options_.warn);
+  const absl::Status cleaned = units_->clean_up();
   remove_links();
-  return status.ok() ? clean_outputs() : status;
-}
-
-absl::Status DiskStore::clean_outputs() {
-  std::set<std::string> live_jobs;
-  absl::Status status = journal_->read([&](Database& rows) {
-    absl::Status listed = rows.each("SELECT id FROM jobs WHERE removed=0", {},
-                                    [&](const SqlRow& row) { live_jobs.insert(row.text(0)); });
-    if (!listed.ok()) return listed;
-    return rows.each("SELECT TOTAL(bytes) FROM frames", {},
-                     [&](const SqlRow& row) { content_bytes_ += row.integer(0); });
-  });
-  if (!status.ok()) return status;
-  std::multimap<std::string, std::string> in_rows;  // files by job that rows have replaced
-  status = journal_->read([&](Database& rows) {
-    return rows.each("SELECT id, file FROM frames JOIN jobs ON job=sequence WHERE bytes=0", {},
-                     [&](const SqlRow& row) { in_rows.emplace(row.text(0), row.text(1)); });
-  });
-  if (!status.ok()) return status;
-  const std::string outputs = absl::StrCat(folder_, "/outputs");
-  const auto names = files_.filesystem().list(outputs);
-  if (!names.ok()) return names.status();
-  for (const std::string& name : *names) {
-    const auto [first, last] = in_rows.equal_range(name);
-    for (auto file = first; file != last; ++file) {
-      const absl::Status gone =
-          files_.filesystem().remove(absl::StrCat(outputs, "/", name, "/", file->second));
-      if (!gone.ok()) options_.warn(absl::StrCat("skipped: ", std::string(gone.message())));
-    }
-    if (live_jobs.count(name) != 0) continue;
-    const absl::Status gone = files_.remove_folder(absl::StrCat(outputs, "/", name));
-    if (!gone.ok()) options_.warn(absl::StrCat("skipped: ", std::string(gone.message())));
-  }
-  return absl::OkStatus();
-}
-
-void DiskStore::set_up_ballast() {
-  ballast_.set_up();
-  start_ballast_.set_up();
+  return cleaned.ok() ? frames_->clean_up() : cleaned;
 }
 
 /// Deletes what an interrupted backup has left (maintenance/backup.cpp). One that runs meanwhile

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "server/store/event_store.h"
+#include "server/store/farm/event_store.h"
 
 namespace tessera::server {
 

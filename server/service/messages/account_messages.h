@@ -4,7 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "server/settings/budget_ledger.h"
-#include "server/store/usage_store.h"
+#include "server/store/farm/usage_store.h"
 #include "tessera/v1/farm_service.pb.h"
 
 namespace tessera::server {

@@ -72,7 +72,7 @@ absl::Status measure(const std::string& folder, const std::vector<std::string>& 
   if (!store.ok()) return store.status();
   JobRecord job;
   job.id = "job";
-  if (absl::Status added = (*store)->add_job(job); !added.ok()) return added;
+  if (absl::Status added = (*store)->jobs().add(job); !added.ok()) return added;
   std::vector<contract::Digest> digests;
   digests.reserve(blocks.size());
   for (const std::string& block : blocks) digests.push_back(contract::sha256(block));
@@ -83,7 +83,7 @@ absl::Status measure(const std::string& folder, const std::vector<std::string>& 
   double seconds = 0;
   while (seconds < kSeconds) {
     std::vector<Commit> group = make_group(blocks, digests, count, next);
-    if (absl::Status committed = (*store)->commit(group); !committed.ok()) return committed;
+    if (absl::Status committed = (*store)->units().commit(group); !committed.ok()) return committed;
     ++commits;
     seconds = now_seconds() - start;
   }

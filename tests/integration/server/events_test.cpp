@@ -9,7 +9,7 @@
 #include "rpc/channel.h"
 #include "server/service/access/access.h"
 #include "server/service/job_service.h"
-#include "tests/support/disk/memory_store.h"
+#include "tests/support/memory_store/memory_store.h"
 #include "tests/support/scratch_folder.h"
 
 namespace tessera::server {
@@ -27,7 +27,7 @@ class EventCursor : public testing::Test {
   void TearDown() override { stop(); }
   void start() {
     stop();
-    store_.reboot();
+    store_.controls().reboot();
     FarmOptions options;
     options.clock = [] { return std::chrono::steady_clock::now(); };
     options.wall_us = [] { return std::int64_t{0}; };
@@ -95,7 +95,7 @@ TEST_F(EventCursor, SeesEachEventOnceOverRestart) {
 }
 
 TEST_F(EventCursor, TooOldAndTooNewAreErrors) {
-  store_.keep_events(50);
+  store_.events().keep(50);
   happen(120);
   std::vector<std::int64_t> all;
   ASSERT_TRUE(read(0, all).ok());

@@ -13,7 +13,7 @@
 
 #include "server/service/access/token.h"
 #include "server/service/server.h"
-#include "tests/support/disk/memory_store.h"
+#include "tests/support/memory_store/memory_store.h"
 #include "tests/support/scratch_folder.h"
 
 namespace tessera::server {

@@ -126,7 +126,7 @@ TEST_F(Accounts, DuplicatesAndRestartsChargeNothing) {
 
 TEST_F(Accounts, NewPeriodStartsFromZero) {
   wall_us = 1'764'100'000'000'000;  // 2025-11-25
-  store.set_hour(wall_us / kHourUs);
+  store.units().set_hour(wall_us / kHourUs);
   ASSERT_TRUE(set(client_ann, {1, BudgetPeriod::day, BudgetAction::stop, 0.8}).ok());
   TestWorker worker = join("w", 2);
   create_job("shot");

@@ -14,7 +14,7 @@
 
 #include "contract/pass_schedule.h"
 #include "server/coordinator/coordinator.h"
-#include "tests/support/disk/memory_store.h"
+#include "tests/support/memory_store/memory_store.h"
 #include "tests/support/scratch_folder.h"
 
 namespace tessera::server {
@@ -37,7 +37,7 @@ class CoordinatorFixture : public testing::Test {
   /// Starts a coordinator on what the store holds, as after a crash.
   void start() {
     coordinator.reset();
-    store.reboot();
+    store.controls().reboot();
     now += std::chrono::hours(1);
     options.clock = [this] { return now; };
     options.wall_us = [this] { return wall_us; };
@@ -216,7 +216,7 @@ class CoordinatorFixture : public testing::Test {
     }
   }
   std::string pixels_of(const std::string& job_id) {
-    const auto frames = store.frames(job_id);
+    const auto frames = store.frames().list(job_id);
     return frames->empty() ? "" : frames->front().pixels_sha256.hex();
   }
 

@@ -31,9 +31,10 @@ TEST_F(CoordinatorTest, SingleWorkerCompletesJob) {
   EXPECT_DOUBLE_EQ(done.cpu_seconds, 6);
   EXPECT_EQ(count(worker.acknowledgements, AckStatus::committed), 12);
   EXPECT_EQ(worker.ended, std::vector<std::string>{job});
-  const auto frames = store.frames(job);
+  const auto frames = store.frames().list(job);
   ASSERT_EQ(frames->size(), 1u);
-  EXPECT_TRUE(std::filesystem::exists(*store.output_folder(job) + "/" + frames->front().file));
+  EXPECT_TRUE(
+      std::filesystem::exists(*store.frames().output_folder(job) + "/" + frames->front().file));
 }
 
 TEST_F(CoordinatorTest, WaitingJobExplainsMissingWorkers) {
@@ -83,7 +84,7 @@ TEST_F(CoordinatorTest, AcknowledgesOnlyDurableBlocks) {
   deliver_all(worker);
   collect(worker);
   EXPECT_TRUE(worker.acknowledgements.empty());
-  store.fail_commits_with(absl::UnavailableError("disk"));
+  store.controls().fail_commits_with(absl::UnavailableError("disk"));
   pump();
   collect(worker);
   EXPECT_TRUE(worker.acknowledgements.empty()) << "no acknowledgement: the worker sends again";
@@ -94,7 +95,7 @@ TEST_F(CoordinatorTest, PendingBlocksFormOneJournalGroup) {
   auto worker = join("w1");
   deliver_all(worker);
   pump();
-  EXPECT_EQ(store.group_count(), 1);
+  EXPECT_EQ(store.units().group_count(), 1);
 }
 
 TEST_F(CoordinatorTest, PixelsAreDeliveryIndependent) {
@@ -199,7 +200,7 @@ TEST_F(CoordinatorTest, InvalidBlocksAreRejectedWithReason) {
   EXPECT_NE(worker.acknowledgements[1].reason.find("size_bytes"), std::string::npos);
   EXPECT_NE(worker.acknowledgements[2].reason.find("sha256"), std::string::npos);
   EXPECT_NE(worker.acknowledgements[3].reason.find("finite"), std::string::npos);
-  EXPECT_EQ(store.group_count(), 0);
+  EXPECT_EQ(store.units().group_count(), 0);
 }
 
 TEST_F(CoordinatorTest, CancelledJobResultsAreObsolete) {
@@ -227,12 +228,12 @@ TEST_F(CoordinatorTest, FullStorePausesJobUntilResumed) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   const auto units = worker.units;
-  store.fail_commits_with(absl::ResourceExhaustedError("no space left"));
+  store.controls().fail_commits_with(absl::ResourceExhaustedError("no space left"));
   deliver(worker, units[0], bytes_of(units[0]));
   pump();
   EXPECT_EQ(view(job).state, JobState::paused);
   EXPECT_NE(view(job).reason.find("no space left"), std::string::npos);
-  store.fail_commits_with(absl::OkStatus());
+  store.controls().fail_commits_with(absl::OkStatus());
   ASSERT_TRUE(change(job, JobAdmin::Change::resume).ok());
   for (const Leased& unit : units) deliver(worker, unit, bytes_of(unit));
   pump();
@@ -245,14 +246,14 @@ TEST_F(CoordinatorTest, FullStoreAtFrameEndPausesJob) {
   deliver_all(worker);
   while (coordinator->run_writer(false)) {  // all units are committed, the image is not written
   }
-  store.fail_commits_with(absl::ResourceExhaustedError("no space left"));
-  store.set_free_bytes(0);  // or it would resume by itself
+  store.controls().fail_commits_with(absl::ResourceExhaustedError("no space left"));
+  store.controls().set_free_bytes(0);  // or it would resume by itself
   pump();
   EXPECT_EQ(view(job).state, JobState::paused);
   EXPECT_NE(view(job).reason.find("no space left"), std::string::npos);
-  const auto journaled = [&] { return static_cast<JobState>(store.jobs()->front().state); };
+  const auto journaled = [&] { return static_cast<JobState>(store.jobs().list()->front().state); };
   EXPECT_EQ(journaled(), JobState::running) << "the full disk cannot record the change";
-  store.fail_commits_with(absl::OkStatus());
+  store.controls().fail_commits_with(absl::OkStatus());
   now += std::chrono::seconds(20);
   coordinator->tick();
   pump();
@@ -272,10 +273,10 @@ TEST_F(CoordinatorTest, BacklogStopsReading) {
   deliver(worker, worker.units[0], bytes_of(worker.units[0]));
   EXPECT_FALSE(coordinator->intake().has_room_or_call([&] { ++resumed; }));
   EXPECT_EQ(resumed, 0);
-  store.fail_commits_with(absl::UnavailableError("disk"));
+  store.controls().fail_commits_with(absl::UnavailableError("disk"));
   pump();
   EXPECT_EQ(resumed, 1) << "also when the commit fails: the block is sent again";
-  store.fail_commits_with(absl::OkStatus());
+  store.controls().fail_commits_with(absl::OkStatus());
   deliver(worker, worker.units[0], bytes_of(worker.units[0]));
   EXPECT_FALSE(coordinator->intake().has_room_or_call([&] { ++resumed; }));
   pump();

@@ -156,7 +156,7 @@ TEST_F(ErrorJobTest, DamagedBlockIsRenderedAgain) {
     }
     pump();
   }
-  store.damage({0, 4, 1});
+  store.units().damage({0, 4, 1});
   start();  // reads the blocks again to decide
   pump();
   auto again = join("w1");

@@ -357,11 +357,11 @@ TEST_F(Events, FailedTransactionKeepsThemForTheNextOne) {
   join("w");
   pump();
   const std::size_t before = kinds().size();
-  store.fail_transactions_with(absl::ResourceExhaustedError("full"));
+  store.controls().fail_transactions_with(absl::ResourceExhaustedError("full"));
   coordinator->workers().drain_worker("w").IgnoreError();
   pump();
   EXPECT_EQ(coordinator->events().read({}, 1000).size(), before);
-  store.fail_transactions_with(absl::OkStatus());
+  store.controls().fail_transactions_with(absl::OkStatus());
   now += std::chrono::minutes(1);
   coordinator->tick();
   pump();

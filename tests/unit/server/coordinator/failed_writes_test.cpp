@@ -12,8 +12,10 @@ namespace {
 
 class FailedWriteTest : public CoordinatorFixture {
  protected:
-  void fill_disk() { store.fail_commits_with(absl::ResourceExhaustedError("disk full")); }
-  void free_disk() { store.fail_commits_with(absl::OkStatus()); }
+  void fill_disk() {
+    store.controls().fail_commits_with(absl::ResourceExhaustedError("disk full"));
+  }
+  void free_disk() { store.controls().fail_commits_with(absl::OkStatus()); }
   absl::StatusOr<JobView> extend(const std::string& job_id, std::int32_t spp) {
     absl::StatusOr<JobView> result = absl::UnknownError("no answer");
     coordinator->jobs().extend_job(job_id, {spp, {}}, [&](const auto& view) { result = view; });
@@ -83,7 +85,7 @@ TEST_F(FailedWriteTest, FailedRemovalKeepsJob) {
 TEST_F(FailedWriteTest, FaultOfOneJobLeavesOtherJobs) {
   const std::string faulty = create_job("a"), other = create_job("b");
   auto worker = join("w1");
-  store.fail_commits_of(faulty, absl::InternalError("cannot open its segment"));
+  store.controls().fail_commits_of(faulty, absl::InternalError("cannot open its segment"));
   deliver_all(worker);
   pump();
   EXPECT_EQ(view(faulty).committed_unit_count, 0);
@@ -95,14 +97,14 @@ TEST_F(FailedWriteTest, FailedTransactionAcknowledgesNothing) {
   auto worker = join("w1");
   const auto units = worker.units;
   deliver_all(worker);
-  store.fail_transactions_with(absl::ResourceExhaustedError("disk full"));
+  store.controls().fail_transactions_with(absl::ResourceExhaustedError("disk full"));
   pump();
   collect(worker);
   EXPECT_TRUE(worker.acknowledgements.empty());
   EXPECT_EQ(view(job).state, JobState::paused);
   EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("b")).status()));
   EXPECT_EQ(coordinator->queries().list_jobs(0, 10).size(), 1u);
-  store.fail_transactions_with(absl::OkStatus());
+  store.controls().fail_transactions_with(absl::OkStatus());
   for (const Leased& unit : units) deliver(worker, unit, bytes_of(unit));
   pump();
   EXPECT_EQ(view(job).state, JobState::done) << "blocks sent again are committed";
@@ -111,9 +113,9 @@ TEST_F(FailedWriteTest, FailedTransactionAcknowledgesNothing) {
 TEST_F(FailedWriteTest, RoundWritesOneTransaction) {
   const std::string job = create_job("a");
   for (int i = 0; i < 20; ++i) join("w" + std::to_string(i));
-  const int before = store.transaction_count();
+  const int before = store.controls().transaction_count();
   coordinator->run_writer(false);
-  EXPECT_EQ(store.transaction_count(), before + 1) << "20 workers and a job";
+  EXPECT_EQ(store.controls().transaction_count(), before + 1) << "20 workers and a job";
   int created = 0;
   for (int i = 0; i < 20; ++i) {
     coordinator->admission().create_job(spec_of("job" + std::to_string(i)),
@@ -121,7 +123,7 @@ TEST_F(FailedWriteTest, RoundWritesOneTransaction) {
   }
   coordinator->run_writer(false);
   EXPECT_EQ(created, 20);
-  EXPECT_EQ(store.transaction_count(), before + 2);
+  EXPECT_EQ(store.controls().transaction_count(), before + 2);
 }
 
 TEST_F(FailedWriteTest, QuotaCountsJobsOfSameTransaction) {
@@ -145,7 +147,7 @@ TEST_F(FailedWriteTest, JobResumesWhenDiskHasRoom) {
   auto worker = join("w1");
   deliver_all(worker);
   fill_disk();
-  store.set_free_bytes(0);
+  store.controls().set_free_bytes(0);
   pump();
   ASSERT_EQ(view(job).state, JobState::paused);
   const auto later = [&] {
@@ -156,7 +158,7 @@ TEST_F(FailedWriteTest, JobResumesWhenDiskHasRoom) {
   later();
   EXPECT_EQ(view(job).state, JobState::paused);
   free_disk();
-  store.set_free_bytes(std::int64_t{1} << 40);
+  store.controls().set_free_bytes(std::int64_t{1} << 40);
   later();
   EXPECT_EQ(view(job).state, JobState::running);
   ASSERT_TRUE(change(job, JobAdmin::Change::pause).ok());
@@ -176,7 +178,7 @@ TEST_F(FailedWriteTest, PauseByUserOutlastsFullDisk) {
     coordinator->tick();
     pump();
   };
-  store.set_free_bytes(std::int64_t{1} << 40);
+  store.controls().set_free_bytes(std::int64_t{1} << 40);
   deliver_all(worker);
   fill_and_free([&] {
     ASSERT_EQ(view(job).state, JobState::paused) << "for want of room";
@@ -195,7 +197,7 @@ TEST_F(FailedWriteTest, FullDiskDoesNotTakeOverPauseOfUser) {
   pump();
   EXPECT_EQ(view(job).reason, "paused by the user") << "its blocks cannot be committed";
   free_disk();
-  store.set_free_bytes(std::int64_t{1} << 40);
+  store.controls().set_free_bytes(std::int64_t{1} << 40);
   now += std::chrono::seconds(10);
   coordinator->tick();
   pump();
@@ -205,7 +207,7 @@ TEST_F(FailedWriteTest, FullDiskDoesNotTakeOverPauseOfUser) {
 TEST_F(FailedWriteTest, AssetsAreCollectedOnlyOverTheirQuota) {
   options.asset_quota_bytes = 1000;
   start();
-  store.set_used_bytes(1 << 20);
+  store.controls().set_used_bytes(1 << 20);
   const auto publish = [&](const std::string& text) {
     const std::string path = coordinator->assets().new_upload_path().value();
     std::ofstream(path) << text;

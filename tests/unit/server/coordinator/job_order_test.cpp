@@ -124,7 +124,7 @@ TEST_F(JobOrderTest, CrashAfterRemovalFailsDependent) {
   const std::string second = create_after("b", first, Kind::success);
   ASSERT_TRUE(change(first, JobAdmin::Change::cancel).ok());
   ASSERT_TRUE(
-      store.remove_job(first).ok());  // the crash comes before the dependent's row is written
+      store.jobs().remove(first).ok());  // the crash comes before the dependent's row is written
   start();
   EXPECT_EQ(view(second).state, JobState::failed);
 }
@@ -151,11 +151,11 @@ TEST_F(JobOrderTest, UpdateOutlivesRestart) {
 
 TEST_F(JobOrderTest, UpdateThatIsNotWrittenChangesNothing) {
   const std::string job = create_job("a");
-  store.fail_commits_with(absl::ResourceExhaustedError("full"));
+  store.controls().fail_commits_with(absl::ResourceExhaustedError("full"));
   EXPECT_TRUE(
       absl::IsResourceExhausted(update(job, [](auto& update) { update.priority = 7; }).status()));
   EXPECT_EQ(view(job).spec->priority, 0);
-  store.fail_commits_with(absl::OkStatus());
+  store.controls().fail_commits_with(absl::OkStatus());
   EXPECT_TRUE(
       absl::IsNotFound(update("nobody", [](auto& update) { update.priority = 7; }).status()));
 }
@@ -198,7 +198,7 @@ TEST_F(JobOrderTest, LimitOutlivesRestart) {
 }
 
 TEST_F(JobOrderTest, LimitThatIsNotWrittenHasNoEffect) {
-  store.fail_commits_with(absl::ResourceExhaustedError("full"));
+  store.controls().fail_commits_with(absl::ResourceExhaustedError("full"));
   EXPECT_TRUE(absl::IsResourceExhausted(set_limit("licence", 2)));
   EXPECT_TRUE(coordinator->settings().limits().empty());
 }

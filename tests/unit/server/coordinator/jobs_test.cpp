@@ -27,9 +27,9 @@ TEST_F(JobsTest, JobNeedsAssetsAndDiskSpace) {
   EXPECT_TRUE(absl::IsFailedPrecondition(missing.status()));
   EXPECT_NE(std::string(missing.status().message()).find("scene.gltf"), std::string::npos);
   ASSERT_TRUE(store.assets().add(spec.assets[0].digest, "scene").ok());
-  store.set_used_bytes(options.quota_bytes - 1000);
+  store.controls().set_used_bytes(options.quota_bytes - 1000);
   EXPECT_TRUE(absl::IsResourceExhausted(create(spec).status()));
-  store.set_used_bytes(0);
+  store.controls().set_used_bytes(0);
   EXPECT_TRUE(create(spec).ok());
 }
 
@@ -99,7 +99,7 @@ TEST_F(JobsTest, OnlyEndedJobsCanBeRemoved) {
   ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
   EXPECT_TRUE(remove(job).ok());
   EXPECT_TRUE(absl::IsNotFound(coordinator->queries().job(job).status()));
-  EXPECT_TRUE(store.jobs()->empty());
+  EXPECT_TRUE(store.jobs().list()->empty());
 }
 
 TEST_F(JobsTest, ExtendedJobMatchesLongerJob) {
@@ -130,10 +130,10 @@ TEST_F(JobsTest, ExtendedJobMatchesLongerJob) {
 
 /// Gives the store's jobs an older render contract, as after an upgrade.
 void age_jobs(MemoryStore& store) {
-  const std::vector<JobRecord> jobs = store.jobs().value();
+  const std::vector<JobRecord> jobs = store.jobs().list().value();
   for (JobRecord record : jobs) {
     record.render_contract = contract::kRenderContract - 1;
-    ASSERT_TRUE(store.update_job(record).ok());
+    ASSERT_TRUE(store.jobs().update(record).ok());
   }
 }
 
@@ -173,7 +173,8 @@ TEST_F(JobsTest, UnstartedJobAdoptsNewContract) {
   start();
   pump();
   EXPECT_EQ(view(job).state, JobState::queued);
-  EXPECT_EQ(store.jobs()->front().render_contract, contract::kRenderContract) << "recorded at once";
+  EXPECT_EQ(store.jobs().list()->front().render_contract, contract::kRenderContract)
+      << "recorded at once";
   auto worker = join("w1");
   finish_job(worker, job);
   EXPECT_EQ(view(job).state, JobState::done);

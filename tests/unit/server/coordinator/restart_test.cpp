@@ -72,7 +72,7 @@ TEST_F(RestartTest, DamagedBlockIsRenderedAgain) {
   deliver_all(worker);
   while (coordinator->run_writer(false)) {
   }
-  store.damage({0, 4, 0});
+  store.units().damage({0, 4, 0});
   start();  // merged tiles are lost, blocks are read again
   pump();
   EXPECT_EQ(view(job).state, JobState::running);

@@ -47,7 +47,7 @@ TEST_F(RetentionTest, EndedJobIsRemovedAfterRetention) {
   EXPECT_FALSE(exists(done));
   EXPECT_FALSE(exists(cancelled));
   EXPECT_TRUE(exists(paused) && exists(later));
-  EXPECT_EQ(store.jobs()->size(), 2u);
+  EXPECT_EQ(store.jobs().list()->size(), 2u);
 }
 
 TEST_F(RetentionTest, EndTimeSurvivesRestart) {
@@ -93,13 +93,13 @@ TEST_F(RetentionTest, JobsAreRemovedInSmallGroups) {
     ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
   }
   pass(kDayUs);
-  EXPECT_EQ(store.jobs()->size(), 24u);
+  EXPECT_EQ(store.jobs().list()->size(), 24u);
   for (int i = 0; i < 5; ++i) coordinator->tick();  // the first one's group is not removed yet
   pump();
-  EXPECT_EQ(store.jobs()->size(), 8u);
+  EXPECT_EQ(store.jobs().list()->size(), 8u);
   coordinator->tick();  // without a pause, so that the farm keeps up with any rate of small jobs
   pump();
-  EXPECT_TRUE(store.jobs()->empty());
+  EXPECT_TRUE(store.jobs().list()->empty());
 }
 
 TEST_F(RetentionTest, DoneJobKeepsFiguresWithoutUnits) {
@@ -107,7 +107,7 @@ TEST_F(RetentionTest, DoneJobKeepsFiguresWithoutUnits) {
   auto worker = join("w1");
   finish_job(worker, job);
   const JobReport before = coordinator->queries().report(job).value();
-  ASSERT_TRUE(store.for_each_unit(job, [](const UnitRecord&) { FAIL(); }).ok());
+  ASSERT_TRUE(store.units().for_each(job, [](const UnitRecord&) { FAIL(); }).ok());
   start();
   const JobReport after = coordinator->queries().report(job).value();
   EXPECT_EQ(after.view.committed_unit_count, before.view.committed_unit_count);

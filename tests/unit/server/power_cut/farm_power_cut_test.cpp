@@ -36,11 +36,11 @@ struct Life {
 
 std::vector<std::string> pixels_of(FarmOnDisk& farm, const std::string& job_id) {
   std::vector<std::string> pixels;
-  const auto frames = farm.store().frames(job_id);
-  const auto folder = farm.store().output_folder(job_id);
+  const auto frames = farm.store().frames().list(job_id);
+  const auto folder = farm.store().frames().output_folder(job_id);
   if (!frames.ok() || !folder.ok()) return {};
   for (const FrameRecord& frame : *frames) {
-    const auto image = farm.store().row_image(job_id, frame.frame);
+    const auto image = farm.store().frames().row_image(job_id, frame.frame);
     if (!image.ok()) return {};
     const std::string bytes = image->has_value() ? **image : read_file(*folder + "/" + frame.file);
     const bool is_intact = contract::sha256(bytes) == frame.file_sha256;

@@ -199,11 +199,11 @@ void SimulatedServer::check_job(ClientJob& job) {
 
 std::vector<std::string> SimulatedServer::pixels_of(const std::string& job_id) {
   std::vector<std::string> pixels;
-  const auto frames = store_->frames(job_id);
-  const auto folder = store_->output_folder(job_id);
+  const auto frames = store_->frames().list(job_id);
+  const auto folder = store_->frames().output_folder(job_id);
   if (!frames.ok() || !folder.ok()) return {};
   for (const FrameRecord& frame : *frames) {
-    const auto image = store_->row_image(job_id, frame.frame);
+    const auto image = store_->frames().row_image(job_id, frame.frame);
     if (!image.ok()) return {};
     const std::string bytes =
         image->has_value() ? **image : read_file(absl::StrCat(*folder, "/", frame.file));

@@ -17,7 +17,7 @@ class AccountsTest : public StoreFixture {
     job.owner = owner;
     job.project = project;
     job.create_time_us = 7 * kHourUs;
-    EXPECT_TRUE(store().add_job(job).ok());
+    EXPECT_TRUE(store().jobs().add(job).ok());
     return job;
   }
   std::vector<UsageSum> read(const UsageQuery& query, std::size_t limit = 100) {
@@ -94,7 +94,7 @@ TEST_F(AccountsTest, SecondCommitOfAUnitChargesNothing) {
   add("a", "ann");
   commit("a", 0, 3);
   std::vector<Commit> again{make_commit("a", {0, 9, 0}, "x"), make_commit("a", {0, 1, 0}, "x")};
-  EXPECT_TRUE(absl::IsAlreadyExists(store().commit(again)));
+  EXPECT_TRUE(absl::IsAlreadyExists(store().units().commit(again)));
   EXPECT_EQ(units_of("a"), 3);
   EXPECT_EQ(all_seconds(), 0.75);
   open();
@@ -105,8 +105,8 @@ TEST_F(AccountsTest, FailedTransactionChargesNothing) {
   add("a", "ann");
   std::vector<Commit> group{make_commit("a", {0, 0, 0}, "x")};
   const absl::Status status = store().write_together([&] {
-    EXPECT_TRUE(store().commit(group).ok());
-    store().commit(group).IgnoreError();  // undone, with its charge
+    EXPECT_TRUE(store().units().commit(group).ok());
+    store().units().commit(group).IgnoreError();  // undone, with its charge
   });
   ASSERT_TRUE(status.ok()) << status;
   EXPECT_EQ(units_of("a"), 1);
@@ -116,14 +116,14 @@ TEST_F(AccountsTest, DroppedUnitsAreChargedOnceAgain) {
   add("a", "ann");
   commit("a", 0, 3);
   now_us_ += kHourUs;
-  ASSERT_TRUE(store().drop_units("a", {{0, 1, 0}, {7, 7, 7}}).ok());
+  ASSERT_TRUE(store().units().drop("a", {{0, 1, 0}, {7, 7, 7}}).ok());
   EXPECT_EQ(units_of("a"), 2);
   std::vector<Commit> group{make_commit("a", {0, 1, 0}, "x")};
-  ASSERT_TRUE(store().commit(group).ok());
+  ASSERT_TRUE(store().units().commit(group).ok());
   EXPECT_EQ(units_of("a"), 3);
   EXPECT_EQ(all_seconds(), 0.75);
   EXPECT_EQ(read({.first_hour = 101}).at(0).units, 1);
-  ASSERT_TRUE(store().drop_units("a", {{0, 0, 0}, {0, 1, 0}, {0, 2, 0}}).ok());
+  ASSERT_TRUE(store().units().drop("a", {{0, 0, 0}, {0, 1, 0}, {0, 2, 0}}).ok());
   EXPECT_TRUE(read({}).empty()) << "no row is left with a rounding error";
 }
 
@@ -131,9 +131,9 @@ TEST_F(AccountsTest, DoneAndRemovedJobsStayInTheAccounts) {
   JobRecord job = add("a", "ann", "film");
   commit("a", 0, 2);
   finish_frame("a", 0, "image");
-  ASSERT_TRUE(store().close_job("a").ok());
+  ASSERT_TRUE(store().units().close_job("a").ok());
   EXPECT_EQ(units_of("a"), 2);
-  ASSERT_TRUE(store().remove_job("a").ok());
+  ASSERT_TRUE(store().jobs().remove("a").ok());
   open();
   const auto sums = read({.by_owner = true, .by_project = true, .by_job = true});
   ASSERT_EQ(sums.size(), 1u);

@@ -33,16 +33,16 @@ class BackupTest : public ::testing::Test {
     for (const char* id : {"open", "done"}) {
       JobRecord job;
       job.id = id;
-      EXPECT_TRUE(store_->add_job(job).ok());
+      EXPECT_TRUE(store_->jobs().add(job).ok());
       commit(id, 0);
       commit(id, 1);
     }
-    write(store_->output_folder("done").value() + "/frame.exr", "an image");
+    write(store_->frames().output_folder("done").value() + "/frame.exr", "an image");
     FrameRecord frame;
     frame.file = "frame.exr";
     frame.file_sha256 = contract::sha256("an image");
-    EXPECT_TRUE(store_->finish_frame("done", frame).ok());
-    EXPECT_TRUE(store_->close_job("done").ok());
+    EXPECT_TRUE(store_->frames().finish("done", frame).ok());
+    EXPECT_TRUE(store_->units().close_job("done").ok());
     const std::string upload = store_->assets().new_upload_path().value();
     write(upload, "an asset");
     EXPECT_TRUE(store_->assets().publish(upload, contract::sha256("an asset")).ok());
@@ -53,7 +53,7 @@ class BackupTest : public ::testing::Test {
 
   void commit(const std::string& job, std::int32_t tile) {
     std::vector<Commit> group = {make_commit(job, {0, tile, 0}, std::string(5000, 'x'))};
-    EXPECT_TRUE(store_->commit(group).ok());
+    EXPECT_TRUE(store_->units().commit(group).ok());
   }
 
   ScratchFolder folder_;
@@ -76,8 +76,8 @@ TEST_F(BackupTest, CopyOfLiveStoreIsComplete) {
   EXPECT_NE((*restored)->id(), store_->id()) << "workers could confuse the two";
   EXPECT_EQ((*restored)->key(), store_->key()) << "session keys would be void";
   int units = 0;
-  const absl::Status read = (*restored)->for_each_unit("open", [&](const UnitRecord& record) {
-    EXPECT_EQ((*restored)->read_block("open", record).value(), std::string(5000, 'x'));
+  const absl::Status read = (*restored)->units().for_each("open", [&](const UnitRecord& record) {
+    EXPECT_EQ((*restored)->units().read_block("open", record).value(), std::string(5000, 'x'));
     ++units;
   });
   EXPECT_TRUE(read.ok()) << read;
@@ -90,10 +90,10 @@ TEST_F(BackupTest, CompletesWhileJobsEnd) {
   int ended_count = 0;
   disk.before_open([&](const std::string& file) {  // before a segment of the store is copied
     if (file.rfind(path() + "/", 0) != 0 || file.find("segments") == std::string::npos) return;
-    EXPECT_TRUE(store_->close_job(running).ok());
+    EXPECT_TRUE(store_->units().close_job(running).ok());
     JobRecord job;
     running = job.id = "job" + std::to_string(++ended_count);
-    EXPECT_TRUE(store_->add_job(job).ok());
+    EXPECT_TRUE(store_->jobs().add(job).ok());
     commit(running, 0);
   });
   const auto findings = back_up_store(path(), copy(), disk);

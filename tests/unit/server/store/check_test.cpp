@@ -29,17 +29,17 @@ class StoreCheckTest : public ::testing::Test {
     for (const char* id : {"open", "done"}) {
       JobRecord job;
       job.id = id;
-      EXPECT_TRUE((*store)->add_job(job).ok());
+      EXPECT_TRUE((*store)->jobs().add(job).ok());
       std::vector<Commit> group = {make_commit(id, {0, 0, 0}, std::string(5000, 'x')),
                                    make_commit(id, {0, 1, 0}, std::string(5000, 'y'))};
-      EXPECT_TRUE((*store)->commit(group).ok());
+      EXPECT_TRUE((*store)->units().commit(group).ok());
     }
-    write((*store)->output_folder("done").value() + "/frame.exr", "an image");
+    write((*store)->frames().output_folder("done").value() + "/frame.exr", "an image");
     FrameRecord frame;
     frame.file = "frame.exr";
     frame.file_sha256 = contract::sha256("an image");
-    EXPECT_TRUE((*store)->finish_frame("done", frame).ok());
-    EXPECT_TRUE((*store)->close_job("done").ok());
+    EXPECT_TRUE((*store)->frames().finish("done", frame).ok());
+    EXPECT_TRUE((*store)->units().close_job("done").ok());
     const std::string upload = (*store)->assets().new_upload_path().value();
     write(upload, "an asset");
     EXPECT_TRUE((*store)->assets().publish(upload, contract::sha256("an asset")).ok());
@@ -168,7 +168,7 @@ TEST_F(StoreCheckTest, RemovedJobLeavesNothing) {
   {
     const auto store = Store::open(path(), real_filesystem());
     ASSERT_TRUE(store.ok()) << store.status();
-    for (const char* id : {"open", "done"}) EXPECT_TRUE((*store)->remove_job(id).ok());
+    for (const char* id : {"open", "done"}) EXPECT_TRUE((*store)->jobs().remove(id).ok());
   }
   const StoreFindings found = check();
   EXPECT_TRUE(found.faults.empty()) << ::testing::PrintToString(found.faults);

@@ -48,9 +48,9 @@ class DamageTest : public ::testing::Test {
     EXPECT_TRUE(store.ok()) << store.status();
     JobRecord job;
     job.id = "a";
-    EXPECT_TRUE((*store)->add_job(job).ok());
+    EXPECT_TRUE((*store)->jobs().add(job).ok());
     std::vector<Commit> group = some_units(0);
-    EXPECT_TRUE((*store)->commit(group).ok());
+    EXPECT_TRUE((*store)->units().commit(group).ok());
     return group;
   }
 
@@ -88,8 +88,8 @@ TEST_F(DamageTest, FlippedByteInBlockIsDataLoss) {
   overwrite(segment(), group[1].record.offset + 77, "z");
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
-  EXPECT_TRUE((*store)->read_block("a", group[0].record).ok());
-  const auto block = (*store)->read_block("a", group[1].record);
+  EXPECT_TRUE((*store)->units().read_block("a", group[0].record).ok());
+  const auto block = (*store)->units().read_block("a", group[1].record);
   EXPECT_TRUE(absl::IsDataLoss(block.status())) << block.status();
 }
 
@@ -98,12 +98,12 @@ TEST_F(DamageTest, TruncatedSegmentLosesOnlyItsUnits) {
   std::filesystem::resize_file(segment(), 7000);
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
-  EXPECT_TRUE((*store)->read_block("a", group[0].record).ok());
-  EXPECT_TRUE(absl::IsDataLoss((*store)->read_block("a", group[1].record).status()));
-  ASSERT_TRUE((*store)->drop_units("a", {group[1].record.unit}).ok());
+  EXPECT_TRUE((*store)->units().read_block("a", group[0].record).ok());
+  EXPECT_TRUE(absl::IsDataLoss((*store)->units().read_block("a", group[1].record).status()));
+  ASSERT_TRUE((*store)->units().drop("a", {group[1].record.unit}).ok());
   std::vector<Commit> again = {group[1]};
-  ASSERT_TRUE((*store)->commit(again).ok());
-  EXPECT_EQ(*(*store)->read_block("a", again[0].record), group[1].block);
+  ASSERT_TRUE((*store)->units().commit(again).ok());
+  EXPECT_EQ(*(*store)->units().read_block("a", again[0].record), group[1].block);
 }
 
 TEST_F(DamageTest, MissingSegmentIsDataLoss) {
@@ -111,7 +111,7 @@ TEST_F(DamageTest, MissingSegmentIsDataLoss) {
   std::filesystem::remove(segment());
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
-  EXPECT_TRUE(absl::IsDataLoss((*store)->read_block("a", group[0].record).status()));
+  EXPECT_TRUE(absl::IsDataLoss((*store)->units().read_block("a", group[0].record).status()));
 }
 
 TEST_F(DamageTest, HugeRecordSizeDoesNotAllocate) {
@@ -120,9 +120,9 @@ TEST_F(DamageTest, HugeRecordSizeDoesNotAllocate) {
   ASSERT_TRUE(store.ok());
   UnitRecord record = group[0].record;
   record.stored_bytes = std::int64_t{1} << 60;
-  EXPECT_TRUE(absl::IsDataLoss((*store)->read_block("a", record).status()));
+  EXPECT_TRUE(absl::IsDataLoss((*store)->units().read_block("a", record).status()));
   record.stored_bytes = -1;
-  EXPECT_TRUE(absl::IsDataLoss((*store)->read_block("a", record).status()));
+  EXPECT_TRUE(absl::IsDataLoss((*store)->units().read_block("a", record).status()));
 }
 
 TEST_F(DamageTest, NonDatabaseFileIsRefused) {
@@ -168,9 +168,9 @@ TEST_F(DamageTest, EveryOlderSchemaIsMigrated) {
     ASSERT_TRUE(store.ok()) << "schema " << version << ": " << store.status();
     EXPECT_EQ(stored_schema(), schema_version()) << "from schema " << version;
     std::size_t units = 0;
-    EXPECT_TRUE((*store)->for_each_unit("a", [&](const UnitRecord&) { ++units; }).ok());
+    EXPECT_TRUE((*store)->units().for_each("a", [&](const UnitRecord&) { ++units; }).ok());
     EXPECT_EQ(units, group.size()) << "from schema " << version;
-    EXPECT_EQ(*(*store)->read_block("a", group[0].record), group[0].block);
+    EXPECT_EQ(*(*store)->units().read_block("a", group[0].record), group[0].block);
   }
 }
 
@@ -181,7 +181,7 @@ TEST_F(DamageTest, StoreOfFirstSchemaIsWritable) {
   ASSERT_TRUE(store.ok()) << store.status();
   EXPECT_TRUE((*store)->workers().record_join({"worker", "token", "certificate"}, 1).ok());
   EXPECT_TRUE((*store)->workers().ban_worker("worker").ok());
-  EXPECT_EQ((*store)->jobs()->front().render_contract, 10) << "the last unrecorded one";
+  EXPECT_EQ((*store)->jobs().list()->front().render_contract, 10) << "the last unrecorded one";
 }
 
 TEST_F(DamageTest, MigrationAddsTotalsOfDoneJobs) {
@@ -189,8 +189,8 @@ TEST_F(DamageTest, MigrationAddsTotalsOfDoneJobs) {
   change_rows(absl::StrCat("UPDATE jobs SET state=4; ", sql_to_older_schema(4)));
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
-  EXPECT_TRUE((*store)->for_each_unit("a", [](const UnitRecord&) { FAIL(); }).ok());
-  const auto totals = (*store)->totals("a");
+  EXPECT_TRUE((*store)->units().for_each("a", [](const UnitRecord&) { FAIL(); }).ok());
+  const auto totals = (*store)->units().totals("a");
   ASSERT_TRUE(totals.ok()) << totals.status();
   ASSERT_EQ(totals->size(), 1U);
   EXPECT_EQ((*totals)[0].units, 2);
@@ -206,11 +206,11 @@ TEST_F(DamageTest, FullDiskAtCheckpointFailsNothing) {
   ASSERT_TRUE(store.ok()) << store.status();
   disk.fail_sqlite_writes("store.db");
   std::vector<Commit> group = some_units(1);
-  EXPECT_TRUE((*store)->commit(group).ok());
-  EXPECT_EQ(*(*store)->read_block("a", group[0].record), group[0].block);
+  EXPECT_TRUE((*store)->units().commit(group).ok());
+  EXPECT_EQ(*(*store)->units().read_block("a", group[0].record), group[0].block);
   disk.recover();
   std::vector<Commit> next = some_units(2);
-  EXPECT_TRUE((*store)->commit(next).ok());
+  EXPECT_TRUE((*store)->units().commit(next).ok());
   EXPECT_TRUE(deaths_.empty());
 }
 
@@ -228,14 +228,14 @@ TEST_F(DamageTest, FullDiskFailsOnlyItsGroup) {
   ASSERT_TRUE(store.ok()) << store.status();
   disk.fail_write_after(7000);  // in the middle of the second block
   std::vector<Commit> group = some_units(1);
-  const absl::Status full = (*store)->commit(group);
+  const absl::Status full = (*store)->units().commit(group);
   EXPECT_TRUE(absl::IsResourceExhausted(full)) << full;
   disk.recover();
-  ASSERT_TRUE((*store)->commit(group).ok());
+  ASSERT_TRUE((*store)->units().commit(group).ok());
   for (const Commit& commit : group) {
-    EXPECT_EQ(*(*store)->read_block("a", commit.record), commit.block);
+    EXPECT_EQ(*(*store)->units().read_block("a", commit.record), commit.block);
   }
-  EXPECT_TRUE((*store)->read_block("a", before[0].record).ok());
+  EXPECT_TRUE((*store)->units().read_block("a", before[0].record).ok());
   EXPECT_TRUE(deaths_.empty());
 }
 
@@ -246,13 +246,13 @@ TEST_F(DamageTest, FailedSegmentSyncEndsProcess) {
   ASSERT_TRUE(store.ok()) << store.status();
   disk.fail_syncs();
   std::vector<Commit> group = some_units(1);
-  EXPECT_TRUE(absl::IsDataLoss((*store)->commit(group)));
+  EXPECT_TRUE(absl::IsDataLoss((*store)->units().commit(group)));
   ASSERT_EQ(deaths_.size(), 1U);
   disk.recover();
-  EXPECT_TRUE(absl::IsDataLoss((*store)->commit(group))) << "it is not posted again";
+  EXPECT_TRUE(absl::IsDataLoss((*store)->units().commit(group))) << "it is not posted again";
   EXPECT_EQ(disk.syncs_after_failure(), 0);
   int count = 0;
-  EXPECT_TRUE((*store)->for_each_unit("a", [&](const UnitRecord&) { ++count; }).ok());
+  EXPECT_TRUE((*store)->units().for_each("a", [&](const UnitRecord&) { ++count; }).ok());
   EXPECT_EQ(count, 2);
 }
 
@@ -274,11 +274,11 @@ TEST_F(DamageTest, FailedAssetOrImageSyncEndsProcess) {
   ASSERT_TRUE(store.ok()) << store.status();
   FrameRecord frame;
   frame.file = "image.exr";
-  std::ofstream(*(*store)->output_folder("a") + "/image.exr") << "image";
+  std::ofstream(*(*store)->frames().output_folder("a") + "/image.exr") << "image";
   disk.fail_syncs();
-  EXPECT_TRUE(absl::IsDataLoss((*store)->finish_frame("a", frame)));
+  EXPECT_TRUE(absl::IsDataLoss((*store)->frames().finish("a", frame)));
   EXPECT_EQ(deaths_.size(), 2U);
-  EXPECT_TRUE((*store)->frames("a")->empty());
+  EXPECT_TRUE((*store)->frames().list("a")->empty());
 }
 
 TEST_F(DamageTest, FolderThatCannotBeOpenedIsNoFailedSync) {
@@ -288,10 +288,10 @@ TEST_F(DamageTest, FolderThatCannotBeOpenedIsNoFailedSync) {
   ASSERT_TRUE(store.ok()) << store.status();
   disk.fail_opening_folders();
   std::vector<Commit> group = some_units(1);
-  EXPECT_TRUE(absl::IsUnavailable((*store)->commit(group)));
+  EXPECT_TRUE(absl::IsUnavailable((*store)->units().commit(group)));
   EXPECT_TRUE(deaths_.empty());
   disk.recover();
-  EXPECT_TRUE((*store)->commit(group).ok());
+  EXPECT_TRUE((*store)->units().commit(group).ok());
 }
 
 TEST_F(DamageTest, FullDiskGivesUpBallastToRemoveJob) {
@@ -304,12 +304,12 @@ TEST_F(DamageTest, FullDiskGivesUpBallastToRemoveJob) {
   JobRecord job;
   job.id = "a";
   job.reason = "changed";
-  EXPECT_FALSE((*store)->update_job(job).ok()) << "only what frees space may use the ballast";
+  EXPECT_FALSE((*store)->jobs().update(job).ok()) << "only what frees space may use the ballast";
   disk.recover_when_removed("ballast");
   job.end_time_us = 1;
-  EXPECT_TRUE((*store)->update_job(job).ok());
+  EXPECT_TRUE((*store)->jobs().update(job).ok());
   EXPECT_FALSE(std::filesystem::exists(path() + "/ballast"));
-  EXPECT_TRUE((*store)->remove_job("a").ok());
+  EXPECT_TRUE((*store)->jobs().remove("a").ok());
   EXPECT_FALSE(std::filesystem::exists(segment()));
   EXPECT_TRUE(std::filesystem::exists(path() + "/ballast")) << "there is room again";
 }
@@ -338,7 +338,8 @@ TEST_F(DamageTest, StrayFilesAreSkippedWithWarning) {
   EXPECT_EQ(warnings_.size(), strays.size());
   for (const std::string& stray : strays) EXPECT_TRUE(std::filesystem::exists(stray)) << stray;
   std::vector<Commit> group = some_units(0);
-  EXPECT_TRUE(absl::IsAlreadyExists((*store)->commit(group))) << "its units are still there";
+  EXPECT_TRUE(absl::IsAlreadyExists((*store)->units().commit(group)))
+      << "its units are still there";
 }
 
 TEST_F(DamageTest, LostOrTruncatedAssetIsUploadedAgain) {

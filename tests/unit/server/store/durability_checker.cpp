@@ -18,32 +18,32 @@ std::string name(const contract::Unit& unit) {
 
 std::optional<UnitRecord> find_unit(Store& store, const std::string& job_id, contract::Unit unit) {
   std::optional<UnitRecord> found;
-  const absl::Status status = store.for_each_unit(job_id, [&](const UnitRecord& record) {
+  const absl::Status status = store.units().for_each(job_id, [&](const UnitRecord& record) {
     if (record.unit == unit) found = record;
   });
   return status.ok() ? found : std::nullopt;
 }
 
 std::vector<JobRecord> all_jobs(Store& store) {
-  auto jobs = store.jobs();
+  auto jobs = store.jobs().list();
   return jobs.ok() ? *std::move(jobs) : std::vector<JobRecord>();
 }
 
 std::string check_units(Store& store, const std::string& job_id) {
   std::vector<UnitRecord> records;
   const absl::Status status =
-      store.for_each_unit(job_id, [&](const UnitRecord& record) { records.push_back(record); });
+      store.units().for_each(job_id, [&](const UnitRecord& record) { records.push_back(record); });
   if (!status.ok()) return status.ToString();
   for (const UnitRecord& record : records) {
-    const auto block = store.read_block(job_id, record);
+    const auto block = store.units().read_block(job_id, record);
     if (!block.ok() && !absl::IsNotFound(block.status())) return block.status().ToString();
   }
   return "";
 }
 
 std::string check_frames(Store& store, const std::string& job_id) {
-  const auto frames = store.frames(job_id);
-  const auto folder = store.output_folder(job_id);
+  const auto frames = store.frames().list(job_id);
+  const auto folder = store.frames().output_folder(job_id);
   if (!frames.ok() || !folder.ok()) return "frames of " + job_id + " cannot be listed";
   for (const FrameRecord& frame : *frames) {
     if (contract::sha256(read_file(*folder + "/" + frame.file)) != frame.file_sha256) {
@@ -135,7 +135,7 @@ DurabilityChecker::Test id_is_taken(const std::string& job_id) {
   return [job_id](Store& store) -> std::string {
     JobRecord again;
     again.id = job_id;
-    const absl::Status status = store.add_job(again);
+    const absl::Status status = store.jobs().add(again);
     return absl::IsAlreadyExists(status) ? "" : "was given out again: " + status.ToString();
   };
 }
@@ -146,7 +146,7 @@ DurabilityChecker::Test has_unit(const std::string& job_id, contract::Unit unit,
     const auto record = find_unit(store, job_id, unit);
     if (!record.has_value()) return "is lost";
     if (record->worker_id != "worker" || record->cpu_seconds != 0.25) return "has other figures";
-    const auto block = store.read_block(job_id, *record);
+    const auto block = store.units().read_block(job_id, *record);
     if (!block.ok()) return block.status().ToString();
     return *block == bytes ? "" : "has other bytes";
   };
@@ -156,11 +156,11 @@ DurabilityChecker::Test counts_units(const std::string& job_id, std::int64_t uni
   return [job_id, units](Store& store) -> std::string {
     std::int64_t count = 0;
     double cpu_seconds = 0;
-    const absl::Status status = store.for_each_unit(job_id, [&](const UnitRecord& unit) {
+    const absl::Status status = store.units().for_each(job_id, [&](const UnitRecord& unit) {
       ++count;
       cpu_seconds += unit.cpu_seconds;
     });
-    const auto totals = store.totals(job_id);
+    const auto totals = store.units().totals(job_id);
     if (!status.ok() || !totals.ok()) return "cannot be read";
     for (const UnitTotals& total : *totals) {
       count += total.units;
@@ -189,8 +189,8 @@ DurabilityChecker::Test worker_has_joined(const std::string& worker_id) {
 DurabilityChecker::Test has_frame(const std::string& job_id, const FrameRecord& frame,
                                   std::string bytes) {
   return [job_id, frame, bytes = std::move(bytes)](Store& store) -> std::string {
-    const auto frames = store.frames(job_id);
-    const auto folder = store.output_folder(job_id);
+    const auto frames = store.frames().list(job_id);
+    const auto folder = store.frames().output_folder(job_id);
     if (!frames.ok() || !folder.ok()) return "cannot be listed";
     for (const FrameRecord& found : *frames) {
       if (found.frame != frame.frame) continue;
@@ -232,7 +232,7 @@ DurabilityChecker::Test sequence_was_used(std::int64_t sequence) {
   return [sequence](Store& store) -> std::string {
     JobRecord next;
     next.id = "next-" + std::to_string(sequence);
-    if (absl::Status status = store.add_job(next); !status.ok()) return status.ToString();
+    if (absl::Status status = store.jobs().add(next); !status.ok()) return status.ToString();
     return next.sequence > sequence ? "" : "sequence " + std::to_string(sequence) + " came twice";
   };
 }
@@ -263,16 +263,16 @@ std::vector<std::string> facts(Store& store) {
   for (const JobRecord& job : all_jobs(store)) {
     lines.push_back("job " + job.id + " " + std::to_string(job.sequence) + " " +
                     std::to_string(job.state) + " " + job.reason);
-    const absl::Status status = store.for_each_unit(job.id, [&](const UnitRecord& unit) {
+    const absl::Status status = store.units().for_each(job.id, [&](const UnitRecord& unit) {
       lines.push_back("unit " + job.id + name(unit.unit) + unit.sha256.hex());
     });
     if (!status.ok()) lines.push_back(status.ToString());
-    const auto totals = store.totals(job.id);
+    const auto totals = store.units().totals(job.id);
     if (!totals.ok()) continue;
     for (const UnitTotals& total : *totals) {
       lines.push_back("totals " + job.id + " " + total.worker_id + std::to_string(total.units));
     }
-    const auto frames = store.frames(job.id);
+    const auto frames = store.frames().list(job.id);
     if (!frames.ok()) continue;
     for (const FrameRecord& frame : *frames) {
       lines.push_back("frame " + job.id + " " + frame.file + " " + frame.file_sha256.hex());

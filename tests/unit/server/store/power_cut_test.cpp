@@ -69,7 +69,7 @@ class Coordinator {
     job.id = id;
     job.request_id = "request of " + id;
     job.request = some_bytes(1, 300);
-    ASSERT_TRUE(store_->add_job(job).ok());
+    ASSERT_TRUE(store_->jobs().add(job).ok());
     confirmations_.make("job " + id, step(), has_job(job));
     confirmations_.make("id of " + id, step(), id_is_taken(id));
     confirmations_.make("sequence of " + id, step(), sequence_was_used(job.sequence));
@@ -82,14 +82,14 @@ class Coordinator {
     job.reason = "state " + std::to_string(state);
     job.wall_seconds += 1.5;
     confirmations_.end("job " + id, step());
-    ASSERT_TRUE(store_->update_job(job).ok());
+    ASSERT_TRUE(store_->jobs().update(job).ok());
     confirmations_.make("job " + id, step(), has_job(job));
   }
 
   void remove_job(const std::string& id) {
     for (const char* kind : {"job ", "unit ", "frame ", "work "})
       confirmations_.end_all(kind + id, step());
-    ASSERT_TRUE(store_->remove_job(id).ok());
+    ASSERT_TRUE(store_->jobs().remove(id).ok());
   }
 
   /// Commits tiles [first, first + count) of pass `pass` to each of `ids`, as one group.
@@ -101,7 +101,7 @@ class Coordinator {
       }
     }
     for (const std::string& id : ids) confirmations_.end("work " + id, step());
-    ASSERT_TRUE(store_->commit(group).ok());
+    ASSERT_TRUE(store_->units().commit(group).ok());
     for (const Commit& commit : group) {
       confirmations_.make(unit_key(commit.job_id, commit.record.unit), step(),
                           has_unit(commit.job_id, commit.record.unit, commit.block));
@@ -115,7 +115,7 @@ class Coordinator {
   void drop(const std::string& id, contract::Unit unit) {
     confirmations_.end(unit_key(id, unit), step());
     confirmations_.end("work " + id, step());
-    ASSERT_TRUE(store_->drop_units(id, {unit}).ok());
+    ASSERT_TRUE(store_->units().drop(id, {unit}).ok());
     confirmations_.make("work " + id, step(), counts_units(id, --unit_counts_[id]));
   }
 
@@ -127,20 +127,20 @@ class Coordinator {
     record.file_sha256 = contract::sha256(bytes);
     record.pixels_sha256 = contract::sha256("pixels");
     record.statistics_json = "{}";
-    const auto folder = store_->output_folder(id);
+    const auto folder = store_->frames().output_folder(id);
     ASSERT_TRUE(folder.ok());
     const std::string part = *folder + "/" + record.file + ".part";
     auto file = disk_.open(part);
     ASSERT_TRUE(file.ok());
     ASSERT_TRUE((*file)->append(bytes).ok());
     ASSERT_TRUE(disk_.rename(part, *folder + "/" + record.file).ok());
-    ASSERT_TRUE(store_->finish_frame(id, record).ok());
+    ASSERT_TRUE(store_->frames().finish(id, record).ok());
     confirmations_.make("frame " + id + " " + record.file, step(), has_frame(id, record, bytes));
   }
 
   void close_job(const std::string& id) {
     confirmations_.end_all("unit " + id, step());
-    ASSERT_TRUE(store_->close_job(id).ok());
+    ASSERT_TRUE(store_->units().close_job(id).ok());
   }
 
   void join(const std::string& worker) {
@@ -295,9 +295,9 @@ class Inspector {
   static std::string can_go_on(Store& store) {
     JobRecord job;
     job.id = "afterwards";
-    if (absl::Status added = store.add_job(job); !added.ok()) return added.ToString();
+    if (absl::Status added = store.jobs().add(job); !added.ok()) return added.ToString();
     std::vector<Commit> group = {make_commit(job.id, {1, 2, 3}, "a block")};
-    if (absl::Status added = store.commit(group); !added.ok()) return added.ToString();
+    if (absl::Status added = store.units().commit(group); !added.ok()) return added.ToString();
     return has_unit(job.id, {1, 2, 3}, "a block")(store);
   }
 

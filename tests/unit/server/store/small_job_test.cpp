@@ -28,18 +28,18 @@ TEST_F(SmallJobTest, BlocksAndImagesHaveNoFiles) {
   for (int life = 0; life < 2; ++life) {
     EXPECT_EQ(file_count("segments") + file_count("outputs"), 0);
     for (const Commit& unit : group) {
-      EXPECT_EQ(store().read_block("a", unit.record).value_or(""), unit.block);
+      EXPECT_EQ(store().units().read_block("a", unit.record).value_or(""), unit.block);
     }
-    EXPECT_EQ(store().row_image("a", 0).value(), std::optional<std::string>("image"));
+    EXPECT_EQ(store().frames().row_image("a", 0).value(), std::optional<std::string>("image"));
     EXPECT_EQ(units("a").size(), 4U);
     expect_consistent();
   }
-  ASSERT_TRUE(store().close_job("a").ok());
-  EXPECT_TRUE(absl::IsNotFound(store().read_block("a", group[0].record).status()));
-  EXPECT_EQ(store().row_image("a", 0).value(), std::optional<std::string>("image"));
+  ASSERT_TRUE(store().units().close_job("a").ok());
+  EXPECT_TRUE(absl::IsNotFound(store().units().read_block("a", group[0].record).status()));
+  EXPECT_EQ(store().frames().row_image("a", 0).value(), std::optional<std::string>("image"));
   expect_consistent();
-  ASSERT_TRUE(store().remove_job("a").ok());
-  EXPECT_EQ(store().row_image("a", 0).value(), std::nullopt);
+  ASSERT_TRUE(store().jobs().remove("a").ok());
+  EXPECT_EQ(store().frames().row_image("a", 0).value(), std::nullopt);
   expect_consistent();
 }
 
@@ -55,14 +55,14 @@ TEST_F(SmallJobTest, JobThatGrowsContinuesInSegments) {
     all.push_back(std::move(unit));
   }
   for (const Commit& unit : all) {
-    EXPECT_EQ(store().read_block("a", unit.record).value_or(""), unit.block);
+    EXPECT_EQ(store().units().read_block("a", unit.record).value_or(""), unit.block);
   }
   expect_consistent();
   add_job("b");
   commit("b", 0, 1, 20'000);  // too large for a row
   EXPECT_EQ(file_count("segments"), 2);
-  ASSERT_TRUE(store().close_job("a").ok());
-  ASSERT_TRUE(store().close_job("b").ok());
+  ASSERT_TRUE(store().units().close_job("a").ok());
+  ASSERT_TRUE(store().units().close_job("b").ok());
   EXPECT_EQ(file_count("segments"), 0);
 }
 
@@ -71,11 +71,11 @@ TEST_F(SmallJobTest, FrameOfOtherSizeMovesBetweenRowAndFile) {
   finish_frame("a", 0, "image");
   const std::string large(100'000, 'i');
   finish_frame("a", 0, large);
-  EXPECT_EQ(store().row_image("a", 0).value(), std::nullopt);
+  EXPECT_EQ(store().frames().row_image("a", 0).value(), std::nullopt);
   EXPECT_EQ(file_count("outputs"), 1);
   expect_consistent();
   finish_frame("a", 0, "image");
-  EXPECT_EQ(store().row_image("a", 0).value(), std::optional<std::string>("image"));
+  EXPECT_EQ(store().frames().row_image("a", 0).value(), std::optional<std::string>("image"));
   EXPECT_EQ(file_count("outputs"), 0);
   expect_consistent();
 }
@@ -83,7 +83,8 @@ TEST_F(SmallJobTest, FrameOfOtherSizeMovesBetweenRowAndFile) {
 TEST_F(SmallJobTest, FileLeftBesideItsRowIsDeleted) {
   add_job("a");
   const FrameRecord frame = finish_frame("a", 0, "image");
-  write_file(*store().output_folder("a") + "/" + frame.file, "image");  // as of an older version
+  write_file(*store().frames().output_folder("a") + "/" + frame.file,
+             "image");  // as of an older version
   open();
   EXPECT_EQ(file_count("outputs"), 0);
 }
@@ -91,11 +92,11 @@ TEST_F(SmallJobTest, FileLeftBesideItsRowIsDeleted) {
 TEST_F(SmallJobTest, StatisticsChangeWithoutTheImage) {
   add_job("a");
   const FrameRecord frame = finish_frame("a", 0, "image");
-  ASSERT_TRUE(store().update_statistics("a", 0, R"({"frame": 2})").ok());
-  EXPECT_EQ(store().frames("a")->front().statistics_json, R"({"frame": 2})");
-  EXPECT_EQ(store().frames("a")->front().file_sha256, frame.file_sha256);
-  EXPECT_TRUE(absl::IsNotFound(store().update_statistics("a", 1, "{}")));
-  EXPECT_TRUE(absl::IsNotFound(store().update_statistics("b", 0, "{}")));
+  ASSERT_TRUE(store().frames().update_statistics("a", 0, R"({"frame": 2})").ok());
+  EXPECT_EQ(store().frames().list("a")->front().statistics_json, R"({"frame": 2})");
+  EXPECT_EQ(store().frames().list("a")->front().file_sha256, frame.file_sha256);
+  EXPECT_TRUE(absl::IsNotFound(store().frames().update_statistics("a", 1, "{}")));
+  EXPECT_TRUE(absl::IsNotFound(store().frames().update_statistics("b", 0, "{}")));
 }
 
 }  // namespace

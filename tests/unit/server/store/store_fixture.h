@@ -46,7 +46,7 @@ class StoreFixture : public ::testing::Test {
     job.request = std::string("\0bytes\xff", 7);
     job.create_time_us = 1234567;
     job.render_contract = 3;
-    EXPECT_TRUE(store().add_job(job).ok());
+    EXPECT_TRUE(store().jobs().add(job).ok());
     return job;
   }
 
@@ -57,15 +57,15 @@ class StoreFixture : public ::testing::Test {
       const char letter = static_cast<char>('a' + tile % 26);
       group.push_back(make_commit(job_id, {frame, tile, 0}, std::string(block_bytes, letter)));
     }
-    const absl::Status status = store().commit(group);
+    const absl::Status status = store().units().commit(group);
     EXPECT_TRUE(status.ok()) << status;
     return group;
   }
 
   std::vector<UnitRecord> units(const std::string& job_id) {
     std::vector<UnitRecord> records;
-    const absl::Status status =
-        store().for_each_unit(job_id, [&](const UnitRecord& record) { records.push_back(record); });
+    const absl::Status status = store().units().for_each(
+        job_id, [&](const UnitRecord& record) { records.push_back(record); });
     EXPECT_TRUE(status.ok()) << status;
     return records;
   }
@@ -98,12 +98,12 @@ class StoreFixture : public ::testing::Test {
     record.file_sha256 = contract::sha256(bytes);
     record.pixels_sha256 = contract::sha256("pixels");
     record.statistics_json = R"({"frame": 1})";
-    if (static_cast<std::int64_t>(bytes.size()) <= store().max_row_image_bytes()) {
-      EXPECT_TRUE(store().finish_small_frame(job_id, record, bytes).ok());
+    if (static_cast<std::int64_t>(bytes.size()) <= store().frames().max_row_bytes()) {
+      EXPECT_TRUE(store().frames().finish_small(job_id, record, bytes).ok());
       return record;
     }
-    write_file(*store().output_folder(job_id) + "/" + record.file, bytes);
-    EXPECT_TRUE(store().finish_frame(job_id, record).ok());
+    write_file(*store().frames().output_folder(job_id) + "/" + record.file, bytes);
+    EXPECT_TRUE(store().frames().finish(job_id, record).ok());
     return record;
   }
 

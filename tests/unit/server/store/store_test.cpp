@@ -63,9 +63,9 @@ TEST_F(StoreTest, JobsRoundTripInSubmissionOrder) {
   second.wall_seconds = 0.1;
   second.render_contract = 4;
   second.failure_code = 5;
-  ASSERT_TRUE(store().update_job(second).ok());
+  ASSERT_TRUE(store().jobs().update(second).ok());
   open();
-  const auto jobs = store().jobs();
+  const auto jobs = store().jobs().list();
   ASSERT_TRUE(jobs.ok());
   ASSERT_EQ(jobs->size(), 2U);
   const JobRecord& found = jobs->front();
@@ -90,19 +90,19 @@ TEST_F(StoreTest, RefusesRepeatedJob) {
   add_job("a");
   JobRecord same_id;
   same_id.id = "a";
-  EXPECT_TRUE(absl::IsAlreadyExists(store().add_job(same_id)));
+  EXPECT_TRUE(absl::IsAlreadyExists(store().jobs().add(same_id)));
   JobRecord same_request;
   same_request.id = "b";
   same_request.request_id = "request-a";
-  EXPECT_TRUE(absl::IsAlreadyExists(store().add_job(same_request)));
-  EXPECT_EQ(store().jobs()->size(), 1U);
+  EXPECT_TRUE(absl::IsAlreadyExists(store().jobs().add(same_request)));
+  EXPECT_EQ(store().jobs().list()->size(), 1U);
 }
 
 TEST_F(StoreTest, AcceptsJobsWithoutRequestId) {
   for (const char* id : {"a", "b"}) {
     JobRecord job;
     job.id = id;
-    EXPECT_TRUE(store().add_job(job).ok());
+    EXPECT_TRUE(store().jobs().add(job).ok());
   }
 }
 
@@ -110,48 +110,48 @@ TEST_F(StoreTest, RefusesIdThatIsNoFileName) {
   for (const std::string id : {"", ".", "..", "../a", "a/b", ".hidden", "a b", "ä"}) {
     JobRecord job;
     job.id = id;
-    EXPECT_TRUE(absl::IsInvalidArgument(store().add_job(job))) << id;
-    EXPECT_TRUE(absl::IsInvalidArgument(store().output_folder(id).status())) << id;
+    EXPECT_TRUE(absl::IsInvalidArgument(store().jobs().add(job))) << id;
+    EXPECT_TRUE(absl::IsInvalidArgument(store().frames().output_folder(id).status())) << id;
   }
 }
 
 TEST_F(StoreTest, NeverReusesIdOfRemovedJob) {
   const JobRecord job = add_job("a");
-  ASSERT_TRUE(store().remove_job("a").ok());
+  ASSERT_TRUE(store().jobs().remove("a").ok());
   open();
-  EXPECT_TRUE(store().jobs()->empty());
+  EXPECT_TRUE(store().jobs().list()->empty());
   JobRecord again = job;
-  EXPECT_TRUE(absl::IsAlreadyExists(store().add_job(again)));
+  EXPECT_TRUE(absl::IsAlreadyExists(store().jobs().add(again)));
   JobRecord retried = job;
   retried.id = "b";
-  EXPECT_TRUE(absl::IsAlreadyExists(store().add_job(retried)));
+  EXPECT_TRUE(absl::IsAlreadyExists(store().jobs().add(retried)));
   EXPECT_GT(add_job("c").sequence, job.sequence);
 }
 
 TEST_F(StoreTest, StateOfRemovedJobIsKept) {
   JobRecord job = add_job("a");
-  EXPECT_EQ(*store().removed_state("a"), std::nullopt) << "it is not removed";
+  EXPECT_EQ(*store().jobs().removed_state("a"), std::nullopt) << "it is not removed";
   job.state = 6;
-  ASSERT_TRUE(store().update_job(job).ok());
-  ASSERT_TRUE(store().remove_job("a").ok());
+  ASSERT_TRUE(store().jobs().update(job).ok());
+  ASSERT_TRUE(store().jobs().remove("a").ok());
   open();
-  EXPECT_EQ(*store().removed_state("a"), 6);
-  EXPECT_EQ(*store().removed_state("nobody"), std::nullopt);
+  EXPECT_EQ(*store().jobs().removed_state("a"), 6);
+  EXPECT_EQ(*store().jobs().removed_state("nobody"), std::nullopt);
 }
 
 TEST_F(StoreTest, UnknownJobIsNotFound) {
   JobRecord job;
   job.id = "nobody";
   std::vector<Commit> group = {make_commit("nobody", {0, 0, 0}, "block")};
-  EXPECT_TRUE(absl::IsNotFound(store().update_job(job)));
-  EXPECT_TRUE(absl::IsNotFound(store().remove_job("nobody")));
-  EXPECT_TRUE(absl::IsNotFound(store().commit(group)));
-  EXPECT_TRUE(absl::IsNotFound(store().drop_units("nobody", {})));
-  EXPECT_TRUE(absl::IsNotFound(store().finish_frame("nobody", {})));
-  EXPECT_TRUE(absl::IsNotFound(store().close_job("nobody")));
+  EXPECT_TRUE(absl::IsNotFound(store().jobs().update(job)));
+  EXPECT_TRUE(absl::IsNotFound(store().jobs().remove("nobody")));
+  EXPECT_TRUE(absl::IsNotFound(store().units().commit(group)));
+  EXPECT_TRUE(absl::IsNotFound(store().units().drop("nobody", {})));
+  EXPECT_TRUE(absl::IsNotFound(store().frames().finish("nobody", {})));
+  EXPECT_TRUE(absl::IsNotFound(store().units().close_job("nobody")));
   EXPECT_TRUE(units("nobody").empty());
-  EXPECT_TRUE(store().totals("nobody")->empty());
-  EXPECT_TRUE(store().frames("nobody")->empty());
+  EXPECT_TRUE(store().units().totals("nobody")->empty());
+  EXPECT_TRUE(store().frames().list("nobody")->empty());
 }
 
 TEST_F(StoreTest, BlocksRoundTripInUnitOrder) {
@@ -164,7 +164,7 @@ TEST_F(StoreTest, BlocksRoundTripInUnitOrder) {
     group.push_back(make_commit("a", unit, bytes));
     group.push_back(make_commit("b", unit, "b" + bytes));
   }
-  ASSERT_TRUE(store().commit(group).ok());
+  ASSERT_TRUE(store().units().commit(group).ok());
   open();
   const std::vector<UnitRecord> found = units("a");
   ASSERT_EQ(found.size(), 4U);
@@ -173,7 +173,7 @@ TEST_F(StoreTest, BlocksRoundTripInUnitOrder) {
   EXPECT_EQ(found[2].unit, (contract::Unit{0, 2, 1}));
   EXPECT_EQ(found[3].unit, (contract::Unit{1, 0, 0}));
   for (const Commit& commit : group) {
-    const auto block = store().read_block(commit.job_id, commit.record);
+    const auto block = store().units().read_block(commit.job_id, commit.record);
     ASSERT_TRUE(block.ok()) << block.status();
     EXPECT_EQ(*block, commit.block);
     EXPECT_EQ(commit.record.size_bytes, static_cast<std::int64_t>(commit.block.size()));
@@ -187,12 +187,12 @@ TEST_F(StoreTest, GroupCommitIsAtomic) {
   commit("a", 0, 1);
   std::vector<Commit> group = {make_commit("a", {0, 7, 0}, "new"),
                                make_commit("a", {0, 0, 0}, "a second result")};
-  EXPECT_TRUE(absl::IsAlreadyExists(store().commit(group)));
+  EXPECT_TRUE(absl::IsAlreadyExists(store().units().commit(group)));
   ASSERT_EQ(units("a").size(), 1U);
-  EXPECT_EQ(*store().read_block("a", units("a")[0]), std::string(100, 'a'));
+  EXPECT_EQ(*store().units().read_block("a", units("a")[0]), std::string(100, 'a'));
   group.pop_back();
-  EXPECT_TRUE(store().commit(group).ok());
-  EXPECT_EQ(*store().read_block("a", group[0].record), "new");
+  EXPECT_TRUE(store().units().commit(group).ok());
+  EXPECT_EQ(*store().units().read_block("a", group[0].record), "new");
 }
 
 TEST_F(StoreTest, StartsNewSegmentWhenFullOrRestarted) {
@@ -209,7 +209,7 @@ TEST_F(StoreTest, StartsNewSegmentWhenFullOrRestarted) {
   EXPECT_EQ(found[4].offset, 1200);
   EXPECT_EQ(found[5].segment, 1);
   EXPECT_EQ(found[6].segment, 2);
-  for (const UnitRecord& unit : found) EXPECT_TRUE(store().read_block("a", unit).ok());
+  for (const UnitRecord& unit : found) EXPECT_TRUE(store().units().read_block("a", unit).ok());
 }
 
 TEST_F(StoreTest, WritesMoreJobsThanOpenFiles) {
@@ -224,7 +224,7 @@ TEST_F(StoreTest, WritesMoreJobsThanOpenFiles) {
   for (int job = 0; job < 80; ++job) {
     for (const UnitRecord& unit : units("job" + std::to_string(job))) {
       EXPECT_EQ(unit.segment, 0);
-      EXPECT_TRUE(store().read_block("job" + std::to_string(job), unit).ok());
+      EXPECT_TRUE(store().units().read_block("job" + std::to_string(job), unit).ok());
     }
   }
 }
@@ -232,12 +232,12 @@ TEST_F(StoreTest, WritesMoreJobsThanOpenFiles) {
 TEST_F(StoreTest, DroppedUnitsCanBeCommittedAgain) {
   add_job("a");
   commit("a", 0, 3);
-  ASSERT_TRUE(store().drop_units("a", {{0, 0, 0}, {0, 2, 0}, {9, 9, 9}}).ok());
+  ASSERT_TRUE(store().units().drop("a", {{0, 0, 0}, {0, 2, 0}, {9, 9, 9}}).ok());
   open();
   ASSERT_EQ(units("a").size(), 1U);
   std::vector<Commit> again = {make_commit("a", {0, 2, 0}, "better")};
-  ASSERT_TRUE(store().commit(again).ok());
-  EXPECT_EQ(*store().read_block("a", again[0].record), "better");
+  ASSERT_TRUE(store().units().commit(again).ok());
+  EXPECT_EQ(*store().units().read_block("a", again[0].record), "better");
 }
 
 TEST_F(StoreTest, RecordsFinishedFrames) {
@@ -245,7 +245,7 @@ TEST_F(StoreTest, RecordsFinishedFrames) {
   const FrameRecord second = finish_frame("a", 2, "second");
   const FrameRecord first = finish_frame("a", 1, "first");
   open();
-  const auto frames = store().frames("a");
+  const auto frames = store().frames().list("a");
   ASSERT_TRUE(frames.ok());
   ASSERT_EQ(frames->size(), 2U);
   EXPECT_EQ(frames->front().frame, 1);
@@ -259,10 +259,10 @@ TEST_F(StoreTest, RefusesFrameWithoutFile) {
   add_job("a");
   FrameRecord frame;
   frame.file = "missing.exr";
-  EXPECT_TRUE(absl::IsNotFound(store().finish_frame("a", frame)));
+  EXPECT_TRUE(absl::IsNotFound(store().frames().finish("a", frame)));
   frame.file = "../store.db";
-  EXPECT_TRUE(absl::IsInvalidArgument(store().finish_frame("a", frame)));
-  EXPECT_TRUE(store().frames("a")->empty());
+  EXPECT_TRUE(absl::IsInvalidArgument(store().frames().finish("a", frame)));
+  EXPECT_TRUE(store().frames().list("a")->empty());
 }
 
 TEST_F(StoreTest, ClosingJobTotalsUnitsByWorker) {
@@ -276,12 +276,12 @@ TEST_F(StoreTest, ClosingJobTotalsUnitsByWorker) {
     group.back().record.cpu_seconds = 1 << tile;
     group.back().record.audit = AuditState::open;
   }
-  ASSERT_TRUE(store().commit(group).ok());
-  ASSERT_TRUE(store().end_audits("a", {{0, 0, 0}, {0, 2, 0}, {0, 4, 0}}).ok());
+  ASSERT_TRUE(store().units().commit(group).ok());
+  ASSERT_TRUE(store().units().end_audits("a", {{0, 0, 0}, {0, 2, 0}, {0, 4, 0}}).ok());
   for (int times = 0; times < 2; ++times) {
-    ASSERT_TRUE(store().close_job("a").ok());
+    ASSERT_TRUE(store().units().close_job("a").ok());
     if (times == 1) open();
-    const auto totals = store().totals("a");
+    const auto totals = store().units().totals("a");
     ASSERT_TRUE(totals.ok()) << totals.status();
     ASSERT_EQ(totals->size(), 2U);
     EXPECT_EQ((*totals)[0].worker_id, "one");
@@ -294,22 +294,22 @@ TEST_F(StoreTest, ClosingJobTotalsUnitsByWorker) {
     EXPECT_TRUE(units("a").empty());
   }
   EXPECT_EQ(units("b").size(), 2U);
-  EXPECT_TRUE(store().totals("b")->empty());
+  EXPECT_TRUE(store().units().totals("b")->empty());
 }
 
 TEST_F(StoreTest, ClosingJobReleasesItsBlocks) {
   add_job("a");
   const std::vector<Commit> before = commit("a", 0, 3);
-  ASSERT_TRUE(store().close_job("a").ok());
+  ASSERT_TRUE(store().units().close_job("a").ok());
   EXPECT_TRUE(std::filesystem::is_empty(path() + "/segments/a"));
-  EXPECT_TRUE(absl::IsNotFound(store().read_block("a", before[0].record).status()));
+  EXPECT_TRUE(absl::IsNotFound(store().units().read_block("a", before[0].record).status()));
   const std::vector<Commit> later = commit("a", 1, 1);
-  EXPECT_EQ(*store().read_block("a", later[0].record), later[0].block);
+  EXPECT_EQ(*store().units().read_block("a", later[0].record), later[0].block);
   open();
-  EXPECT_TRUE(absl::IsNotFound(store().read_block("a", before[0].record).status()));
-  EXPECT_EQ(*store().read_block("a", later[0].record), later[0].block);
-  ASSERT_TRUE(store().close_job("a").ok());
-  EXPECT_EQ(store().totals("a")->at(0).units, 4);
+  EXPECT_TRUE(absl::IsNotFound(store().units().read_block("a", before[0].record).status()));
+  EXPECT_EQ(*store().units().read_block("a", later[0].record), later[0].block);
+  ASSERT_TRUE(store().units().close_job("a").ok());
+  EXPECT_EQ(store().units().totals("a")->at(0).units, 4);
 }
 
 TEST_F(StoreTest, ClosingJobsShrinksJournal) {
@@ -323,7 +323,7 @@ TEST_F(StoreTest, ClosingJobsShrinksJournal) {
   EXPECT_GT(full, empty + 200'000);
   EXPECT_GT(std::filesystem::file_size(path() + "/store.db"), 200'000U)
       << "the write-ahead log is checkpointed";
-  ASSERT_TRUE(store().close_job("a").ok());
+  ASSERT_TRUE(store().units().close_job("a").ok());
   add_job("b");  // another write, after which the rest is released
   EXPECT_LT(store().used_bytes(), empty + 100'000);
   add_job("c");  // the next write copies the log into the file
@@ -335,13 +335,13 @@ TEST_F(StoreTest, RemovingJobDeletesAllItsData) {
   add_job("a");
   const std::vector<Commit> group = commit("a", 0, 3);
   finish_frame("a", 0, "image");
-  ASSERT_TRUE(store().close_job("a").ok());
-  ASSERT_TRUE(store().remove_job("a").ok());
-  EXPECT_TRUE(store().totals("a")->empty());
+  ASSERT_TRUE(store().units().close_job("a").ok());
+  ASSERT_TRUE(store().jobs().remove("a").ok());
+  EXPECT_TRUE(store().units().totals("a")->empty());
   EXPECT_FALSE(std::filesystem::exists(path() + "/segments/a"));
   EXPECT_FALSE(std::filesystem::exists(path() + "/outputs/a"));
   EXPECT_TRUE(units("a").empty());
-  EXPECT_TRUE(absl::IsNotFound(store().read_block("a", group[0].record).status()));
+  EXPECT_TRUE(absl::IsNotFound(store().units().read_block("a", group[0].record).status()));
 }
 
 TEST_F(StoreTest, OpenDeletesFilesWithoutRow) {
@@ -365,7 +365,7 @@ TEST_F(StoreTest, OpenDeletesFilesWithoutRow) {
   EXPECT_FALSE(std::filesystem::exists(stray));
   EXPECT_FALSE(std::filesystem::exists(upload));
   EXPECT_TRUE(store().assets().has(kept));
-  EXPECT_TRUE(store().read_block("a", units("a")[0]).ok());
+  EXPECT_TRUE(store().units().read_block("a", units("a")[0]).ok());
 }
 
 TEST_F(StoreTest, CountsUsedBytes) {
@@ -394,9 +394,9 @@ TEST_F(StoreTest, CountsUsedBytes) {
   EXPECT_EQ(store().used_bytes(), empty + count_files());
   open();
   EXPECT_EQ(store().used_bytes(), empty + count_files());
-  ASSERT_TRUE(store().close_job("b").ok());
+  ASSERT_TRUE(store().units().close_job("b").ok());
   EXPECT_EQ(store().used_bytes(), empty + count_files());
-  ASSERT_TRUE(store().remove_job("a").ok());
+  ASSERT_TRUE(store().jobs().remove("a").ok());
   now_us_ += 2 * kHourUs;
   ASSERT_TRUE(store().assets().collect(now_us_, 0, {}).ok());
   EXPECT_EQ(count_files(), 0);
@@ -408,7 +408,7 @@ TEST_F(StoreTest, ReadsDuringWrites) {
   std::thread reader([&] {
     for (int i = 0; i < 50; ++i) {
       for (const UnitRecord& unit : units("a")) {
-        EXPECT_TRUE(store().read_block("a", unit).ok());
+        EXPECT_TRUE(store().units().read_block("a", unit).ok());
       }
       EXPECT_FALSE(store().assets().has(contract::sha256("x")));
       EXPECT_GT(store().used_bytes(), 0);

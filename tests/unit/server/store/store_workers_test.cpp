@@ -19,14 +19,14 @@ TEST_F(StoreWorkersTest, BansPersist) {
 }
 
 TEST_F(StoreWorkersTest, SettingsPersistByKind) {
-  EXPECT_TRUE(store().settings(SettingKind::limit)->empty());
-  ASSERT_TRUE(store().save_settings(SettingKind::limit, {{"a", "1"}, {"b", "2"}}).ok());
-  ASSERT_TRUE(store().save_settings(SettingKind::pool, {{"a", "night"}}).ok());
-  ASSERT_TRUE(store().save_settings(SettingKind::limit, {{"b", "3"}}).ok());
+  EXPECT_TRUE(store().settings().read(SettingKind::limit)->empty());
+  ASSERT_TRUE(store().settings().save(SettingKind::limit, {{"a", "1"}, {"b", "2"}}).ok());
+  ASSERT_TRUE(store().settings().save(SettingKind::pool, {{"a", "night"}}).ok());
+  ASSERT_TRUE(store().settings().save(SettingKind::limit, {{"b", "3"}}).ok());
   open();
-  EXPECT_EQ(*store().settings(SettingKind::limit), (Settings{{"b", "3"}}));
-  EXPECT_EQ(*store().settings(SettingKind::pool), (Settings{{"a", "night"}}));
-  EXPECT_TRUE(store().settings(SettingKind::use)->empty());
+  EXPECT_EQ(*store().settings().read(SettingKind::limit), (Settings{{"b", "3"}}));
+  EXPECT_EQ(*store().settings().read(SettingKind::pool), (Settings{{"a", "night"}}));
+  EXPECT_TRUE(store().settings().read(SettingKind::use)->empty());
 }
 
 TEST_F(StoreWorkersTest, WorkersPersist) {

@@ -31,7 +31,7 @@ class TogetherTest : public ::testing::Test {
   }
   std::vector<std::string> jobs() {
     std::vector<std::string> ids;
-    const auto records = store_->jobs();
+    const auto records = store_->jobs().list();
     for (const JobRecord& record : *records) ids.push_back(record.id);
     return ids;
   }
@@ -42,11 +42,11 @@ class TogetherTest : public ::testing::Test {
     unit.block = std::string(1000, 'b');
     unit.record.sha256 = contract::sha256(unit.block);
     std::vector<Commit> group = {unit};
-    return store_->commit(group);
+    return store_->units().commit(group);
   }
   int unit_count(const std::string& job_id) {
     int count = 0;
-    EXPECT_TRUE(store_->for_each_unit(job_id, [&](const UnitRecord&) { ++count; }).ok());
+    EXPECT_TRUE(store_->units().for_each(job_id, [&](const UnitRecord&) { ++count; }).ok());
     return count;
   }
 
@@ -60,12 +60,12 @@ class TogetherTest : public ::testing::Test {
 TEST_F(TogetherTest, FailedPartLeavesOtherParts) {
   JobRecord a = job("a"), b = job("b"), again = job("a");
   const absl::Status together = store_->write_together([&] {
-    EXPECT_TRUE(store_->add_job(a).ok());
-    EXPECT_TRUE(absl::IsAlreadyExists(store_->add_job(again)));
+    EXPECT_TRUE(store_->jobs().add(a).ok());
+    EXPECT_TRUE(absl::IsAlreadyExists(store_->jobs().add(again)));
     EXPECT_TRUE(commit("a", 0).ok());
     EXPECT_TRUE(absl::IsAlreadyExists(commit("a", 0)));
     EXPECT_TRUE(absl::IsNotFound(commit("none", 0)));
-    EXPECT_TRUE(store_->add_job(b).ok());
+    EXPECT_TRUE(store_->jobs().add(b).ok());
   });
   EXPECT_TRUE(together.ok()) << together;
   open();
@@ -75,12 +75,12 @@ TEST_F(TogetherTest, FailedPartLeavesOtherParts) {
 
 TEST_F(TogetherTest, FullDiskWritesNothing) {
   JobRecord a = job("a"), b = job("b");
-  ASSERT_TRUE(store_->add_job(a).ok());
+  ASSERT_TRUE(store_->jobs().add(a).ok());
   ASSERT_TRUE(commit("a", 0).ok());
   const std::int64_t before = store_->used_bytes();
   disk_.fail_sqlite_writes("store.db-wal");
   const absl::Status together = store_->write_together([&] {
-    store_->add_job(b).IgnoreError();
+    store_->jobs().add(b).IgnoreError();
     commit("a", 1).IgnoreError();
   });
   EXPECT_TRUE(absl::IsResourceExhausted(together)) << together;
@@ -89,7 +89,7 @@ TEST_F(TogetherTest, FullDiskWritesNothing) {
   EXPECT_EQ(unit_count("a"), 1);
   EXPECT_EQ(store_->used_bytes(), before);
   const absl::Status again = store_->write_together([&] {
-    EXPECT_TRUE(store_->add_job(b).ok());
+    EXPECT_TRUE(store_->jobs().add(b).ok());
     EXPECT_TRUE(commit("a", 1).ok());
   });
   EXPECT_TRUE(again.ok()) << again;
@@ -100,8 +100,8 @@ TEST_F(TogetherTest, FullDiskWritesNothing) {
 
 TEST_F(TogetherTest, FullDiskGivesUpBallastToRemoveJob) {
   JobRecord a = job("a"), b = job("b");
-  ASSERT_TRUE(store_->add_job(a).ok());
-  ASSERT_TRUE(store_->add_job(b).ok());
+  ASSERT_TRUE(store_->jobs().add(a).ok());
+  ASSERT_TRUE(store_->jobs().add(b).ok());
   ASSERT_TRUE(commit("a", 0).ok());
   ASSERT_TRUE(commit("a", 1).ok());
   ASSERT_TRUE(has_ballast());
@@ -111,7 +111,7 @@ TEST_F(TogetherTest, FullDiskGivesUpBallastToRemoveJob) {
   const absl::Status together = store_->write_together([&] {
     ++calls;
     commit("b", 0).IgnoreError();
-    store_->remove_job("a").IgnoreError();
+    store_->jobs().remove("a").IgnoreError();
   });
   ASSERT_TRUE(together.ok()) << together;
   EXPECT_EQ(calls, 2) << "all parts are written again";
@@ -125,9 +125,10 @@ TEST_F(TogetherTest, FullDiskGivesUpBallastToRemoveJob) {
 
 TEST_F(TogetherTest, FullDiskKeepsBallastIfNothingIsFreed) {
   JobRecord a = job("a"), b = job("b");
-  ASSERT_TRUE(store_->add_job(a).ok());
-  ASSERT_TRUE(store_->add_job(b).ok());
-  ASSERT_TRUE(store_->remove_job("a").ok()) << "an earlier removal has no effect on later writes";
+  ASSERT_TRUE(store_->jobs().add(a).ok());
+  ASSERT_TRUE(store_->jobs().add(b).ok());
+  ASSERT_TRUE(store_->jobs().remove("a").ok())
+      << "an earlier removal has no effect on later writes";
   disk_.fail_sqlite_writes("store.db-wal");
   const absl::Status together = store_->write_together([&] { commit("b", 0).IgnoreError(); });
   EXPECT_TRUE(absl::IsResourceExhausted(together)) << together;
@@ -136,16 +137,16 @@ TEST_F(TogetherTest, FullDiskKeepsBallastIfNothingIsFreed) {
 
 TEST_F(TogetherTest, BlocksOfClosedJobLastUntilTheEnd) {
   JobRecord a = job("a");
-  ASSERT_TRUE(store_->add_job(a).ok());
+  ASSERT_TRUE(store_->jobs().add(a).ok());
   ASSERT_TRUE(commit("a", 0).ok());
   UnitRecord unit;
-  ASSERT_TRUE(store_->for_each_unit("a", [&](const UnitRecord& record) { unit = record; }).ok());
+  ASSERT_TRUE(store_->units().for_each("a", [&](const UnitRecord& record) { unit = record; }).ok());
   const absl::Status together = store_->write_together([&] {
-    EXPECT_TRUE(store_->close_job("a").ok());
-    EXPECT_TRUE(store_->read_block("a", unit).ok()) << "the transaction may still fail";
+    EXPECT_TRUE(store_->units().close_job("a").ok());
+    EXPECT_TRUE(store_->units().read_block("a", unit).ok()) << "the transaction may still fail";
   });
   EXPECT_TRUE(together.ok()) << together;
-  EXPECT_TRUE(absl::IsNotFound(store_->read_block("a", unit).status()));
+  EXPECT_TRUE(absl::IsNotFound(store_->units().read_block("a", unit).status()));
 }
 
 }  // namespace

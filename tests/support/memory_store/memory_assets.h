@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/store/asset_store.h"
+#include "server/store/assets/asset_store.h"
 
 namespace tessera::server {
 

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "server/store/event_store.h"
-#include "server/store/usage_store.h"
+#include "server/store/farm/event_store.h"
+#include "server/store/farm/usage_store.h"
 
 namespace tessera::server {
 

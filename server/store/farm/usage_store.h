@@ -33,7 +33,7 @@ struct UsageQuery {
 
 /// Accounts of committed units: each unit counts once, in the hour of its commit, also after its
 /// job is removed. A unit that was dropped because a worker was faulty or a block damaged does not
-/// count. Written by Store::commit() and Store::drop_units().
+/// count. Written by UnitStore::commit() and UnitStore::drop().
 class UsageStore {
  public:
   virtual ~UsageStore() = default;

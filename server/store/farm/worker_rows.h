@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "server/store/farm/worker_store.h"
 #include "server/store/sqlite/journal.h"
-#include "server/store/worker_store.h"
 
 namespace tessera::server {
 

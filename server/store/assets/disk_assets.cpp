@@ -1,4 +1,4 @@
-#include "server/store/disk_assets.h"
+#include "server/store/assets/disk_assets.h"
 
 #include <algorithm>
 #include <cstring>
@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "server/store/sqlite/digests.h"
 
 namespace tessera::server {
 namespace {

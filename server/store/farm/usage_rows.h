@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "contract/unit.h"
+#include "server/store/farm/usage_store.h"
 #include "server/store/sqlite/journal.h"
-#include "server/store/usage_store.h"
 
 namespace tessera::server {
 

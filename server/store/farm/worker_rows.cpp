@@ -1,4 +1,4 @@
-#include "server/store/worker_rows.h"
+#include "server/store/farm/worker_rows.h"
 
 #include <algorithm>
 #include <utility>

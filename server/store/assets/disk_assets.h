@@ -10,16 +10,11 @@
 
 #include "absl/status/statusor.h"
 #include "contract/digest.h"
-#include "server/store/asset_store.h"
+#include "server/store/assets/asset_store.h"
 #include "server/store/files/durable_files.h"
 #include "server/store/sqlite/journal.h"
 
 namespace tessera::server {
-
-/// Returns a digest as a value of a row. It points into `digest`.
-inline Blob blob_of(const contract::Digest& digest) {
-  return {{reinterpret_cast<const char*>(digest.bytes.data()), digest.bytes.size()}};
-}
 
 /// Each asset has a row in the table assets, and its bytes in the table asset_contents or in the
 /// file DIRECTORY/ab/cdef…; a file without a row does not count.

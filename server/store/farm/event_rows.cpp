@@ -1,4 +1,4 @@
-#include "server/store/event_rows.h"
+#include "server/store/farm/event_rows.h"
 
 #include <algorithm>
 

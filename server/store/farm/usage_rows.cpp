@@ -1,4 +1,4 @@
-#include "server/store/usage_rows.h"
+#include "server/store/farm/usage_rows.h"
 
 namespace tessera::server {
 

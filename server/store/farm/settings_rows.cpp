@@ -1,11 +1,10 @@
-// Settings of the farm in the store: limits, pools of workers, use of owners.
-#include "server/store/disk_store.h"
+#include "server/store/farm/settings_rows.h"
 
 namespace tessera::server {
 
-absl::Status DiskStore::save_settings(SettingKind kind, const Settings& settings) {
+absl::Status SettingsRows::save(SettingKind kind, const Settings& settings) {
   const auto number = static_cast<std::int64_t>(kind);
-  return journal_->write([&](Database& rows) {
+  return journal_.write([&](Database& rows) {
     absl::Status status = rows.run("DELETE FROM settings WHERE kind=?", {number});
     for (const auto& [name, value] : settings) {
       if (!status.ok()) return status;
@@ -16,9 +15,9 @@ absl::Status DiskStore::save_settings(SettingKind kind, const Settings& settings
   });
 }
 
-absl::StatusOr<Settings> DiskStore::settings(SettingKind kind) const {
+absl::StatusOr<Settings> SettingsRows::read(SettingKind kind) const {
   Settings settings;
-  absl::Status status = journal_->read([&](Database& rows) {
+  absl::Status status = journal_.read([&](Database& rows) {
     return rows.each("SELECT name, value FROM settings WHERE kind=?",
                      {static_cast<std::int64_t>(kind)},
                      [&](const SqlRow& row) { settings[row.text(0)] = row.text(1); });

@@ -2,7 +2,7 @@
 
 #include <atomic>
 
-#include "server/store/event_store.h"
+#include "server/store/farm/event_store.h"
 #include "server/store/sqlite/journal.h"
 
 namespace tessera::server {
