@@ -37,7 +37,7 @@ void AuditOutcomes::quarantine(FarmChange& change, const std::string& worker_id)
   change.note(EventKind::worker_quarantined, worker_id, "delivered wrong pixels");
   change.log(LogLevel::error,
              absl::StrCat("worker ", worker_id, " quarantined: delivered wrong pixels"));
-  for (const auto& [job_key, job] : change.scheduler().jobs()) {
+  for (const auto& [job_key, job] : change.scheduler().jobs().all()) {
     if (job.contributions.count(worker_id) == 0) continue;
     JobFilm& film = change.film(job);
     std::vector<std::int32_t> finished;
@@ -51,7 +51,7 @@ void AuditOutcomes::quarantine(FarmChange& change, const std::string& worker_id)
   }
   // After its units are dropped: a server that crashes before must detect the fault again.
   pipeline_.post_write(
-      [this, names = change.scheduler().names_to_ban(worker_id)] {
+      [this, names = change.scheduler().quarantine().names_to_ban(worker_id)] {
         absl::Status status;
         for (const std::string& name : names) status.Update(store_.workers().ban_worker(name));
         return status;

@@ -42,7 +42,7 @@ struct Census {
     const std::int64_t open = leasable(job, rest);
     waiting += open;
     blocked += rest - open;
-    if (open == 0 || scheduler.limits().room(job.spec->limits) == 0) return;
+    if (open == 0 || scheduler.limits().table().room(job.spec->limits) == 0) return;
     const std::string pool = job.spec->pool.empty() ? kDefaultPool : job.spec->pool;
     pool_waiting[pool] += static_cast<double>(open);
     double& oldest = pool_oldest[pool];
@@ -86,9 +86,9 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
   Census census;
   {
     const FarmView view(parts_.farm);
-    for (const auto& [key, job] : view.scheduler().jobs()) census.add(view, job);
-    census.add(view.scheduler().limits());
-    for (const auto& [key, worker] : view.scheduler().workers()) census.add(worker);
+    for (const auto& [key, job] : view.scheduler().jobs().all()) census.add(view, job);
+    census.add(view.scheduler().limits().table());
+    for (const auto& [key, worker] : view.scheduler().workers().all()) census.add(worker);
   }
   const auto set = [](prometheus::Gauge& gauge, auto value) {
     gauge.Set(static_cast<double>(value));
