@@ -186,7 +186,7 @@ absl::Status FarmLoader::load_units(FarmChange& change, Job& job, const JobRecor
   film.samples_at_start = film.committed_samples;
   if (has_ended(job.state)) return absl::OkStatus();
   parts_.finisher.catch_up(change, job);
-  if (plan.finished_frame_count() == plan.frame_count()) {
+  if (plan.finished_frame_count() == plan.shape().frame_count()) {
     scheduler.lifecycle().end_job(job, JobState::done, "", change.now());
   }
   return absl::OkStatus();

@@ -44,7 +44,7 @@ void AuditOutcomes::quarantine(FarmChange& change, const std::string& worker_id)
     for (const auto& [frame, record] : film.finished) finished.push_back(frame);
     doubt_frames(change, job, finished, worker_id);
     if (has_ended(job.state) || !job.plan || !film.block_index) continue;
-    for (const std::int32_t frame : job.plan->frames()) {
+    for (const std::int32_t frame : job.plan->shape().frames) {
       if (job.plan->is_finished(frame) || !film.block_index->has(frame)) continue;
       redo_frame(change, job, frame, worker_id);
     }
@@ -118,7 +118,8 @@ void AuditOutcomes::redo_now(const FrameKey& key, const std::string& worker_id) 
     for (const Unit& unit : block_index.units(key.frame)) {
       const bool is_theirs = block_index.worker(*block_index.find(unit)) == worker_id;
       has_any = has_any || is_theirs;
-      const bool was_decided = job->plan->is_adaptive() && unit.pass >= job->plan->first_passes();
+      const bool was_decided =
+          job->plan->shape().is_adaptive && unit.pass >= job->plan->shape().first_passes();
       if (is_theirs || was_decided) units.push_back(unit);
     }
     if (!has_any) return finisher_.finish_if_complete(change, *job, key.frame);

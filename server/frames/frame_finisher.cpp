@@ -33,15 +33,15 @@ void FrameFinisher::finish_if_complete(FarmChange& change, Job& job, std::int32_
 
 void FrameFinisher::catch_up(FarmChange& change, Job& job) {
   if (!job.plan) return;
-  for (const std::int32_t frame : job.plan->frames()) finish_if_complete(change, job, frame);
+  for (const std::int32_t frame : job.plan->shape().frames) finish_if_complete(change, job, frame);
   open_started(change, job);
 }
 
 /// Opens the started frames of a job with a target error, to restore their pass targets.
 void FrameFinisher::open_started(FarmChange& change, Job& job) {
-  if (!job.plan->is_adaptive()) return;
+  if (!job.plan->shape().is_adaptive) return;
   const BlockIndex& blocks = change.film(job).open_block_index(job);
-  for (const std::int32_t frame : job.plan->frames()) {
+  for (const std::int32_t frame : job.plan->shape().frames) {
     if (job.plan->is_finished(frame) || !blocks.has(frame)) continue;
     tasks_.post([this, key = FrameKey{job.spec->id, frame}] { open(key); });
   }
@@ -49,7 +49,7 @@ void FrameFinisher::open_started(FarmChange& change, Job& job) {
 
 void FrameFinisher::close_frames(const Job& job) {
   if (!job.plan) return;
-  tasks_.post([this, id = job.spec->id, frames = job.plan->frames()] {
+  tasks_.post([this, id = job.spec->id, frames = job.plan->shape().frames] {
     for (const std::int32_t frame : frames) {
       films_.cache().close_frame({id, frame});
       last_estimate_.erase({id, frame});

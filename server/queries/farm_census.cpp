@@ -29,9 +29,9 @@ struct Census {
       ++paused_jobs[static_cast<std::size_t>(farm.pause_cause(job)) - 1];
     }
     if (has_ended(job.state)) return;
-    const std::int64_t total = job.plan ? job.plan->unit_count() : job.unit_count;
-    const std::int64_t done = job.plan ? job.plan->committed_count() : 0;
-    const std::int64_t in_flight = job.plan ? job.plan->in_flight_count() : 0;
+    const std::int64_t total = job.plan ? job.plan->counts().planned : job.unit_count;
+    const std::int64_t done = job.plan ? job.plan->counts().committed : 0;
+    const std::int64_t in_flight = job.plan ? job.plan->counts().in_flight : 0;
     committed += done;
     leased += in_flight;
     const std::int64_t rest = total - done - in_flight;
@@ -51,7 +51,7 @@ struct Census {
   /// Returns how many of the units that are not leased no other job blocks.
   static std::int64_t leasable(const Job& job, std::int64_t rest) {
     if (!job.is_runnable()) return 0;
-    if (job.plan) return job.plan->waiting_count();
+    if (job.plan) return job.plan->counts().waiting;
     const auto blocked_frames = static_cast<std::int64_t>(job.blocked_frames.size());
     return rest - rest / std::max(job.frame_count, 1) * blocked_frames;
   }

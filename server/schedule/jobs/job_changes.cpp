@@ -11,8 +11,8 @@ Job& JobChanges::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobSta
   job.scene = scene_key(*job.spec);
   job.requirement = job.spec->requirement();
   JobPlan& plan = job.open_plan();
-  job.unit_count = plan.unit_count();
-  job.frame_count = plan.frame_count();
+  job.unit_count = plan.counts().planned;
+  job.frame_count = plan.shape().frame_count();
   job.plan.reset();  // a queued job is a row and a cursor
   if (state == JobState::running) job.open_plan();
   job.demand = {1, 0, 0};
@@ -30,7 +30,7 @@ void JobChanges::extend(Job& job, std::shared_ptr<const JobSpec> spec) {
   const contract::RenderSettings& settings = job.spec->settings;
   const auto gone =
       job.open_plan().extend(contract::schedule(settings), settings.error.has_value());
-  job.unit_count = job.plan->unit_count();
+  job.unit_count = job.plan->counts().planned;
   for (const auto& [unit, holder] : gone) {
     leases_.remove_hold(job, unit, holder);
     if (Worker* worker = workers_.find(holder.worker)) outgoing_.revoke(*worker, job, unit);

@@ -95,7 +95,7 @@ void JobLifecycle::fail_job(Job& job, const absl::Status& failure, Time now) {
 
 void JobLifecycle::end_if_finished(Job& job, Time now) {
   if (has_ended(job.state) || !job.plan) return;
-  if (job.plan->finished_frame_count() < job.plan->frame_count()) return;
+  if (job.plan->finished_frame_count() < job.plan->shape().frame_count()) return;
   end_job(job, JobState::done, "", now);
 }
 

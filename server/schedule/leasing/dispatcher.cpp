@@ -31,8 +31,8 @@ void Dispatcher::dispatch_all(Time now) {
 
 std::int32_t Dispatcher::run_length(const Job& job, const Worker& worker) const {
   const std::int64_t threads = counts_.working().threads(job.requirement);
-  const std::int64_t waiting = job.plan->waiting_count();
-  const std::int64_t open = waiting + job.plan->in_flight_count();
+  const std::int64_t waiting = job.plan->counts().waiting;
+  const std::int64_t open = waiting + job.plan->counts().in_flight;
   const std::int64_t length = std::max<std::int64_t>(waiting / (2 * threads), 1);
   // Near the end no worker gets more than its share of the rest, so that others do not idle.
   const std::int64_t share = (open * worker.thread_count + threads - 1) / threads;

@@ -23,7 +23,7 @@ void LeaseGrants::lease(Job& job, Worker& worker, const Run& run, Time now) {
 }
 
 Lease LeaseGrants::make_lease(const Job& job, const Worker& worker, const Run& run) {
-  const contract::Pass& pass = job.plan->passes()[static_cast<std::size_t>(run.pass)];
+  const contract::Pass& pass = job.plan->shape().passes[static_cast<std::size_t>(run.pass)];
   Lease lease{job.spec->id,
               run.frame,
               run.pass,

@@ -35,7 +35,7 @@ void TailBalance::copy_slow_units(std::vector<Worker*>& idle, Time now) {
     for (const auto& [unit, in_flight] : job.plan->in_flight()) {
       const Holder& holder = in_flight.holders.front();
       if (in_flight.copied || in_flight.holders.size() > 1 || !holder.started) continue;
-      const auto& pass = job.plan->passes()[static_cast<std::size_t>(unit.pass)];
+      const auto& pass = job.plan->shape().passes[static_cast<std::size_t>(unit.pass)];
       const auto median = job.times.median(pass.sample_count);
       if (median && seconds(now - *holder.started) > 2 * *median) slow.push_back(unit);
     }

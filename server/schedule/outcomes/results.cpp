@@ -10,7 +10,7 @@ void Results::restore_unit(Job& job, const Unit& unit, const std::string& worker
   if (!plan.contains(unit)) return;
   if (!plan.is_finished(unit.frame) && !plan.is_committed(unit)) plan.commit(unit);
   restore_contribution(job, worker_id, {1, cpu_seconds});
-  job.times.add(cpu_seconds, plan.passes()[static_cast<std::size_t>(unit.pass)].sample_count);
+  job.times.add(cpu_seconds, plan.shape().passes[static_cast<std::size_t>(unit.pass)].sample_count);
   ready_.refresh(job);
 }
 
@@ -29,11 +29,11 @@ void Results::restore_contribution(Job& job, const std::string& worker_id,
 
 bool Results::wants(const Job& job, const Lease& lease, const Unit& unit) const {
   if (has_ended(job.state) || !job.plan || !job.plan->contains(unit)) return false;
-  if (job.plan->is_adaptive() && unit.pass >= job.plan->first_passes()) {
+  if (job.plan->shape().is_adaptive && unit.pass >= job.plan->shape().first_passes()) {
     const auto voided = job.voided.find(unit.frame);
     if (voided != job.voided.end() && lease.attempt <= voided->second) return false;
   }
-  const contract::Pass& pass = job.plan->passes()[static_cast<std::size_t>(unit.pass)];
+  const contract::Pass& pass = job.plan->shape().passes[static_cast<std::size_t>(unit.pass)];
   return lease.covers(unit) && lease.first_sample == pass.first_sample &&
          lease.sample_count == pass.sample_count && !job.plan->is_finished(unit.frame);
 }
@@ -56,7 +56,7 @@ void Results::commit(Job& job, const Unit& unit, const std::string& worker_id, d
   contribution.cpu_seconds += cpu_seconds;
   job.counters.cpu_seconds += cpu_seconds;
   ready_.queue().charge(job.spec->owner, cpu_seconds, ready_.now());
-  job.times.add(cpu_seconds, plan.passes()[static_cast<std::size_t>(unit.pass)].sample_count);
+  job.times.add(cpu_seconds, plan.shape().passes[static_cast<std::size_t>(unit.pass)].sample_count);
   if (Worker* worker = workers_.find(worker_id)) {
     ++worker->committed_count;
     worker->cpu_seconds += cpu_seconds;
@@ -79,7 +79,7 @@ void Results::redo(Job& job, const Unit& unit) {
 }
 
 void Results::reset_pass_targets(Job& job, std::int32_t frame) {
-  if (!job.open_plan().is_adaptive()) return;
+  if (!job.open_plan().shape().is_adaptive) return;
   job.voided[frame] = grants_.last_attempt();
   for (const auto& [unit, holder] : job.plan->reset_pass_targets(frame)) {
     leases_.remove_hold(job, unit, holder);

@@ -148,7 +148,7 @@ struct Job {
   bool is_runnable() const {
     if (is_blocked || is_over_budget) return false;
     if (state != JobState::queued && state != JobState::running) return false;
-    if (plan) return plan->waiting_count() > 0;
+    if (plan) return plan->counts().waiting > 0;
     return blocked_frames.size() < static_cast<std::size_t>(frame_count);
   }
   /// Creates the plan if there is none.

@@ -49,7 +49,7 @@ void ReadyJobs::refresh(Job& job) {
   note(full_, job.key, is_runnable && !belongs_in_queue);
   note(tail_, job.key,
        job.state == JobState::running && !is_runnable && !job.is_over_budget && job.plan &&
-           job.plan->in_flight_count() > 0);
+           job.plan->counts().in_flight > 0);
   if (is_runnable) note_work();
   if (!is_runnable || !job.holders.empty()) {
     job.waiting_since.reset();

@@ -7,7 +7,7 @@ using contract::Unit;
 void LeaseTable::hold(Job& job, Worker& worker, const Unit& unit, const Holder& holder) {
   constexpr double kUnknownUnitSeconds = 1;  // fair share's assumption before the first result
   Holder charged = holder;
-  const auto& pass = job.plan->passes()[static_cast<std::size_t>(unit.pass)];
+  const auto& pass = job.plan->shape().passes[static_cast<std::size_t>(unit.pass)];
   charged.expected_seconds = job.times.median(pass.sample_count).value_or(kUnknownUnitSeconds);
   charged.charged = ready_.now();
   job.plan->hold(unit, charged);

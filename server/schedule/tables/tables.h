@@ -19,9 +19,8 @@
 
 namespace tessera::server {
 
-/// All state of the schedule but what it knows about the conduct of workers (Quarantine). The parts
-/// that decide share it; each names the tables that it uses. Some tables refer to others, so it is
-/// neither copied nor moved.
+/// All tables of the schedule. The parts that decide share them; each names those that it uses.
+/// Some tables refer to others, so this is neither copied nor moved.
 struct Tables {
   Tables(StoreIdentity store, SchedulePolicy constants, const std::vector<std::string>& roster,
          Time start);

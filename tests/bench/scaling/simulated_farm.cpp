@@ -90,7 +90,7 @@ class SimulatedFarm {
     result.tail_seconds = first_idle_ ? server::seconds(end - *first_idle_) : 0;
     result.merge_busy = film_.busy() / result.wall_seconds;
     result.ingest_busy = std::max(line_.busy(), store_.busy()) / result.wall_seconds;
-    result.units = job_.plan->committed_count();
+    result.units = job_.plan->counts().committed;
     result.copies = leased_ - result.units;
     return result;
   }
@@ -156,7 +156,7 @@ class SimulatedFarm {
   }
 
   bool is_over() const {
-    return job_.plan && job_.plan->committed_count() == job_.plan->unit_count();
+    return job_.plan && job_.plan->counts().committed == job_.plan->counts().planned;
   }
 
   void handle(const Event& event) {
@@ -195,7 +195,7 @@ class SimulatedFarm {
 
   double seconds_of(const Unit& unit) const {
     const std::vector<double>& tiles = measured_.sample_seconds;
-    const contract::Pass& pass = job_.plan->passes()[static_cast<std::size_t>(unit.pass)];
+    const contract::Pass& pass = job_.plan->shape().passes[static_cast<std::size_t>(unit.pass)];
     return tiles[scramble(unit) % tiles.size()] * pass.sample_count;
   }
 
@@ -218,7 +218,7 @@ class SimulatedFarm {
                          span_of(farm_.durable_after_seconds);
     push(durable, key, Kind::committed, unit);
     start_next(key);
-    if (!workers_[key].is_busy && job_.plan->waiting_count() == 0 && !first_idle_) {
+    if (!workers_[key].is_busy && job_.plan->counts().waiting == 0 && !first_idle_) {
       first_idle_ = now_;
     }
   }

@@ -13,7 +13,7 @@ void render(SchedulerHarness& farm, WorkerKey worker, Job& job) {
   for (auto units = farm.leased(worker); !units.empty(); units = farm.leased(worker)) {
     for (const UnitName& unit : units) farm.complete(worker, unit);
   }
-  for (const std::int32_t frame : job.plan->frames()) {
+  for (const std::int32_t frame : job.plan->shape().frames) {
     if (job.plan->is_complete(frame)) farm.scheduler.results().finish_frame(job, frame, farm.now);
   }
 }
@@ -142,7 +142,7 @@ TEST(Dependency, FrameWaitsForSameFrameOfOther) {
   }
   EXPECT_EQ(order.size(), 12u) << "all units of both jobs";
   EXPECT_EQ(first.state, JobState::done);
-  EXPECT_EQ(second.plan->committed_count(), 6);
+  EXPECT_EQ(second.plan->counts().committed, 6);
 }
 
 TEST(Dependency, FramesWaitAgainAfterExtension) {

@@ -67,7 +67,7 @@ TEST_F(FailurePause, PauseByUserKeepsReason) {
 
 TEST_F(FailurePause, UnitsInFlightStillCommit) {
   ASSERT_EQ(held.size(), 1u);
-  ASSERT_EQ(job.plan->in_flight_count(), 1) << "only that of the slow worker";
+  ASSERT_EQ(job.plan->counts().in_flight, 1) << "only that of the slow worker";
   farm.complete(slow, held[0]);
   EXPECT_TRUE(job.plan->is_committed(held[0].unit));
   EXPECT_TRUE(job.is_paused_by_failures());

@@ -165,7 +165,8 @@ TEST(FairShare, ShortJobsInTurnDoNotGoFirst) {
   for (int i = 0; i < 360; ++i) {  // ann always has exactly one short job
     Job& job = farm.farm.add_job({.tiles = 4, .owner = "ann"});
     for (int second = 0;
-         second < 600 && job.plan.value_or(JobPlan({0}, 1, {{}})).committed_count() < 4; ++second) {
+         second < 600 && job.plan.value_or(JobPlan({0}, 1, {{}})).counts().committed < 4;
+         ++second) {
       farm.run(1s, cost);
     }
     farm.farm.scheduler.results().finish_frame(job, 0, farm.farm.now);

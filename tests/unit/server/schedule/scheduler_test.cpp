@@ -355,7 +355,7 @@ TEST(Scheduler, PausedJobKeepsRunningUnits) {
   farm.complete(worker, units[0]);
   const Outbox outbox = farm.outbox(worker);
   EXPECT_TRUE(outbox.leases.empty() && outbox.revoked.empty());
-  EXPECT_EQ(job.plan->committed_count(), 1);
+  EXPECT_EQ(job.plan->counts().committed, 1);
   ASSERT_TRUE(farm.scheduler.lifecycle().resume(job, farm.now).ok());
   EXPECT_EQ(farm.leased(worker).size(), 1u);
 }

@@ -334,7 +334,7 @@ void SimulatedFarm::run_disk() {
 
 void SimulatedFarm::finish_frames(Job& job) {
   if (has_ended(job.state) || !job.plan) return;
-  for (const std::int32_t frame : job.plan->frames()) {
+  for (const std::int32_t frame : job.plan->shape().frames) {
     if (job.plan->is_finished(frame) || !job.plan->is_complete(frame)) continue;
     if (scheduler_->audits().has_audits(job, frame)) continue;
     Stored& stored = *store_.at(job.key);
