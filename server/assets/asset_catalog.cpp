@@ -128,7 +128,7 @@ absl::Status AssetCatalog::release(JobKey key, const JobSpec& spec) {
 bool AssetCatalog::is_leased_asset(const contract::Digest& digest,
                                    const std::string& certificate) const {
   const FarmView view(farm_);
-  const std::set<JobKey> leased = view.scheduler().leased_jobs(certificate);
+  const std::set<JobKey> leased = view.scheduler().workers().leased_jobs(certificate);
   const MutexLock lock(mutex_);
   const auto found = jobs_.find(digest);
   if (found == jobs_.end()) return false;

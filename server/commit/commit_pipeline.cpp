@@ -162,7 +162,7 @@ void CommitPipeline::write_row(FarmChange& /*change*/, JobKey job) {
 
 void CommitPipeline::write_running(FarmChange& change) {
   std::set<JobKey> running;
-  for (const auto& [key, job] : change.scheduler().jobs()) {
+  for (const auto& [key, job] : change.scheduler().jobs().all()) {
     if (job.running_since) running.insert(key);
   }
   const MutexLock lock(mutex_);
@@ -187,8 +187,8 @@ void CommitPipeline::post_rows(const FarmView& farm, Round& round) {
     std::vector<Answer> answers;
     const auto [first, last] = round.answers.equal_range(key);
     for (auto answer = first; answer != last; ++answer) answers.push_back(answer->second);
-    const auto job = farm.scheduler().jobs().find(key);
-    const bool is_removed = job == farm.scheduler().jobs().end();  // it has no row
+    const auto job = farm.scheduler().jobs().all().find(key);
+    const bool is_removed = job == farm.scheduler().jobs().all().end();  // it has no row
     rows.push_back(row_task(key,
                             is_removed ? std::nullopt : std::optional(farm.record(job->second)),
                             std::move(answers)));

@@ -21,7 +21,8 @@ absl::Status restore_totals(const Store& store, Scheduler& scheduler, Job& job) 
   const auto totals = store.units().totals(job.spec->id);
   if (!totals.ok()) return totals.status();
   for (const UnitTotals& total : *totals) {
-    scheduler.restore_contribution(job, total.worker_id, {total.units, total.cpu_seconds});
+    scheduler.results().restore_contribution(job, total.worker_id,
+                                             {total.units, total.cpu_seconds});
     job.counters.audited += total.audited;
   }
   return absl::OkStatus();
@@ -34,7 +35,7 @@ absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
   const JobPlan& plan = job.open_plan();
   return store.units().for_each(job.spec->id, [&](const UnitRecord& unit) {
     if (!plan.contains(unit.unit)) return;
-    scheduler.restore_unit(job, unit.unit, unit.worker_id, unit.cpu_seconds);
+    scheduler.results().restore_unit(job, unit.unit, unit.worker_id, unit.cpu_seconds);
     if (unit.audit == AuditState::ended) ++job.counters.audited;
     if (!plan.is_finished(unit.unit.frame)) visit_open(unit);
   });
@@ -44,7 +45,7 @@ absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
 absl::Status restore_costs(const Store& store, Scheduler& scheduler, Job& job) {
   if (absl::Status status = restore_totals(store, scheduler, job); !status.ok()) return status;
   return store.units().for_each(job.spec->id, [&](const UnitRecord& unit) {
-    scheduler.restore_contribution(job, unit.worker_id, {1, unit.cpu_seconds});
+    scheduler.results().restore_contribution(job, unit.worker_id, {1, unit.cpu_seconds});
   });
 }
 
@@ -67,7 +68,7 @@ absl::Status FarmLoader::load() {
   const auto records = parts_.store.jobs().list();
   if (!records.ok()) return records.status();
   FarmChange change(parts_.farm);
-  for (const std::string& worker_id : *banned) change.scheduler().ban(worker_id);
+  for (const std::string& worker_id : *banned) change.scheduler().quarantine().ban(worker_id);
   for (const JobRecord& record : *records) {
     absl::Status status = load_job(change, record);
     if (status.ok()) status = note_removed(change, record.id);
@@ -81,7 +82,7 @@ absl::Status FarmLoader::load_kept(FarmChange& change) {
   const auto kept = parts_.store.usage().kept();
   if (!kept.ok()) return kept.status();
   for (const auto& [sequence, bytes] : *kept) {
-    const Job* job = change.scheduler().find_job(sequence);
+    const Job* job = change.scheduler().jobs().find(sequence);
     if (job == nullptr) continue;
     change.film(*job).image_bytes = bytes.image_bytes;
     change.film(*job).block_bytes = bytes.block_bytes;
@@ -98,7 +99,7 @@ void FarmLoader::leave_out(FarmChange& change, const JobRecord& record, const ab
   Job* job = change.find_job(record.id);
   if (job == nullptr) return;
   // Ends its audits.
-  if (!has_ended(job->state)) change.scheduler().fail_job(*job, fault, change.now());
+  if (!has_ended(job->state)) change.scheduler().lifecycle().fail_job(*job, fault, change.now());
   parts_.finisher.close_frames(*job);
   change.remove_job(*job);
 }
@@ -138,7 +139,7 @@ absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
   if (absl::Status frames = load_frames(change, job); !frames.ok()) return frames;
   const absl::Status same = check_render_contract(*job.spec);
   if (same.ok() || state == JobState::done) return load_units(change, job, record);
-  if (!has_ended(state)) change.scheduler().fail_job(job, same, change.now());
+  if (!has_ended(state)) change.scheduler().lifecycle().fail_job(job, same, change.now());
   return restore_costs(parts_.store, change.scheduler(), job);
 }
 
@@ -150,7 +151,7 @@ absl::Status FarmLoader::note_removed(FarmChange& change, const std::string& job
     const auto state = parts_.store.jobs().removed_state(dependency.job_id);
     if (!state.ok()) return state.status();
     if (!state->has_value()) continue;
-    change.scheduler().note_removed(dependency.job_id, static_cast<JobState>(**state));
+    change.scheduler().lifecycle().note_removed(dependency.job_id, static_cast<JobState>(**state));
   }
   return absl::OkStatus();
 }
@@ -164,7 +165,7 @@ absl::Status FarmLoader::load_frames(FarmChange& change, Job& job) {
     const FrameSummary summary = read_frame_summary(frame.statistics_json);
     if (!summary.fits(job.spec->settings)) continue;
     film.count_finished(frame, summary);
-    change.scheduler().restore_frame(job, frame.frame, summary.unit_count);
+    change.scheduler().results().restore_frame(job, frame.frame, summary.unit_count);
     film.committed_samples += summary.samples;
   }
   return absl::OkStatus();
@@ -177,7 +178,7 @@ absl::Status FarmLoader::load_units(FarmChange& change, Job& job, const JobRecor
   absl::Status status = restore_units(parts_.store, scheduler, job, [&](const UnitRecord& unit) {
     film.open_block_index(job).add(unit, record.wall_seconds);
     if (unit.audit == AuditState::open) {
-      scheduler.open_audit(job, unit.unit, unit.worker_id, unit.sha256);
+      scheduler.audits().open_audit(job, unit.unit, unit.worker_id, unit.sha256);
     }
     film.committed_samples += film.unit_samples(job, unit.unit);
   });
@@ -185,8 +186,8 @@ absl::Status FarmLoader::load_units(FarmChange& change, Job& job, const JobRecor
   film.samples_at_start = film.committed_samples;
   if (has_ended(job.state)) return absl::OkStatus();
   parts_.finisher.catch_up(change, job);
-  if (plan.finished_frame_count() == plan.frame_count()) {
-    scheduler.end_job(job, JobState::done, "", change.now());
+  if (plan.finished_frame_count() == plan.shape().frame_count()) {
+    scheduler.lifecycle().end_job(job, JobState::done, "", change.now());
   }
   return absl::OkStatus();
 }

@@ -138,12 +138,13 @@ class Band {
       tile.normal(pixel, xyz);
       put_values(xyz);
     }
-    if (aovs_ & contract::kAovDepth) put_values({&tile.depth()[contract::as_index(pixel)], 1});
+    if (aovs_ & contract::kAovDepth)
+      put_values({&tile.first_sample().depth[contract::as_index(pixel)], 1});
     if (aovs_ & contract::kAovPosition)
-      put_values({&tile.position()[3 * contract::as_index(pixel)], 3});
+      put_values({&tile.first_sample().position[3 * contract::as_index(pixel)], 3});
     if (aovs_ & contract::kAovIds) {
       for (std::size_t k = 0; k < 3; ++k) {
-        planes_[plane++].words[to] = tile.ids()[3 * contract::as_index(pixel) + k];
+        planes_[plane++].words[to] = tile.first_sample().ids[3 * contract::as_index(pixel) + k];
       }
     }
     if (aovs_ & contract::kAovSamples) {
@@ -194,10 +195,10 @@ class Gatherer {
     statistics_.samples += samples;
     statistics_.spp_max = std::max(statistics_.spp_max, tile.sample_count());
     fewest_samples_ = fewest_samples_ < 0 ? samples : std::min(fewest_samples_, samples);
-    statistics_.dropped_samples += tile.dropped_count();
-    statistics_.transparency_limit_count += tile.transparency_limit_count();
-    clamped_[contract::as_index(index)] = tile.clamped_energy();
-    truncated_[contract::as_index(index)] = tile.truncated_energy();
+    statistics_.dropped_samples += tile.losses().dropped_count;
+    statistics_.transparency_limit_count += tile.losses().transparency_limit_count;
+    clamped_[contract::as_index(index)] = tile.losses().clamped_energy;
+    truncated_[contract::as_index(index)] = tile.losses().truncated_energy;
     per_pixel_.clear();
     error_[contract::as_index(index)] = tile.error_sums(mean_luminance_, &per_pixel_);
     for (const double value : per_pixel_) largest_.add(value);

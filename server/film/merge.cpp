@@ -153,9 +153,9 @@ TileSum::TileSum(std::int32_t width, std::int32_t height, std::uint32_t aovs)
     features_.resize(std::size_t{kReplicates} * contract::kFeatures * pixels);
   }
   if (aovs & contract::kAovTraversalCost) traversal_cost_.resize(3 * pixels);
-  if (aovs & contract::kAovDepth) depth_.resize(pixels);
-  if (aovs & contract::kAovPosition) position_.resize(3 * pixels);
-  if (aovs & contract::kAovIds) ids_.resize(3 * pixels);
+  if (aovs & contract::kAovDepth) first_sample_.depth.resize(pixels);
+  if (aovs & contract::kAovPosition) first_sample_.position.resize(3 * pixels);
+  if (aovs & contract::kAovIds) first_sample_.ids.resize(3 * pixels);
 }
 
 absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass& pass) {
@@ -179,9 +179,9 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
   add_plane(block.features, features_);
   add_plane(block.traversal_cost, traversal_cost_);
   if (pass_count_ == 0) {
-    depth_ = block.depth;
-    position_ = block.position;
-    ids_ = block.ids;
+    first_sample_.depth = block.depth;
+    first_sample_.position = block.position;
+    first_sample_.ids = block.ids;
   }
   if (!block.dropped.empty() && dropped_.empty()) {
     dropped_.resize(kReplicates * contract::as_index(pixel_count()));
@@ -189,11 +189,11 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
   for (const contract::DroppedSamples& entry : block.dropped) {
     dropped_[std::size_t{entry.pixel} * kReplicates + entry.replicate] +=
         static_cast<std::int32_t>(entry.count);
-    dropped_count_ += entry.count;
+    losses_.dropped_count += entry.count;
   }
-  clamped_energy_ += block.clamped_energy;
-  truncated_energy_ += block.truncated_energy;
-  transparency_limit_count_ += block.transparency_limit_count;
+  losses_.clamped_energy += block.clamped_energy;
+  losses_.truncated_energy += block.truncated_energy;
+  losses_.transparency_limit_count += block.transparency_limit_count;
   sample_count_ += pass.sample_count;
   ++pass_count_;
   return absl::OkStatus();
@@ -202,7 +202,8 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
 std::int64_t TileSum::bytes() const {
   const std::size_t doubles = rgb_.size() + alpha_.size() + albedo_.size() + normal_.size() +
                               hits_.size() + features_.size() + traversal_cost_.size();
-  const std::size_t words = depth_.size() + position_.size() + ids_.size() + dropped_.size();
+  const std::size_t words = first_sample_.depth.size() + first_sample_.position.size() +
+                            first_sample_.ids.size() + dropped_.size();
   return static_cast<std::int64_t>(sizeof *this + 8 * doubles + 4 * words);
 }
 

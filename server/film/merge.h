@@ -56,10 +56,13 @@ class TileSum {
   std::int32_t pass_count() const { return pass_count_; }
   /// Samples per pixel of the passes so far, dropped ones included.
   std::int32_t sample_count() const { return sample_count_; }
-  std::int64_t dropped_count() const { return dropped_count_; }
-  double clamped_energy() const { return clamped_energy_; }
-  double truncated_energy() const { return truncated_energy_; }
-  std::uint64_t transparency_limit_count() const { return transparency_limit_count_; }
+  /// What the samples have lost.
+  struct Losses {
+    std::int64_t dropped_count = 0;
+    double clamped_energy = 0, truncated_energy = 0;
+    std::uint64_t transparency_limit_count = 0;
+  };
+  const Losses& losses() const { return losses_; }
   /// Approximate memory use.
   std::int64_t bytes() const;
 
@@ -85,9 +88,11 @@ class TileSum {
   /// Mean rays, nodes and primitives of a sample, dropped samples included. Requires its Aov bit.
   void traversal_cost(std::int64_t pixel, std::span<float, 3> out) const;
   /// Layers of sample 0; zeros before pass 0. Empty without their Aov bit.
-  const std::vector<float>& depth() const { return depth_; }
-  const std::vector<float>& position() const { return position_; }
-  const std::vector<std::uint32_t>& ids() const { return ids_; }
+  struct FirstSample {
+    std::vector<float> depth, position;
+    std::vector<std::uint32_t> ids;
+  };
+  const FirstSample& first_sample() const { return first_sample_; }
 
   /// Returns the sum over pixels of the luminance 0.2126 R + 0.7152 G + 0.0722 B of their means.
   /// After pass 0 of every tile, folded in tile order and divided by the number of pixels, this
@@ -117,16 +122,13 @@ class TileSum {
   std::int32_t width_, height_;
   std::uint32_t aovs_;
   std::int32_t pass_count_ = 0, sample_count_ = 0;
-  std::int64_t dropped_count_ = 0;
-  double clamped_energy_ = 0, truncated_energy_ = 0;
-  std::uint64_t transparency_limit_count_ = 0;
+  Losses losses_;
   std::vector<double> rgb_;    // [pixel][replicate][channel]
   std::vector<double> alpha_;  // [pixel]
   std::vector<double> albedo_, normal_, hits_;
   std::vector<double> features_;  // [pixel][replicate][kFeatures]
   std::vector<double> traversal_cost_;
-  std::vector<float> depth_, position_;
-  std::vector<std::uint32_t> ids_;
+  FirstSample first_sample_;
   std::vector<std::int32_t> dropped_;  // [pixel][replicate]; empty if nothing was dropped
 };
 

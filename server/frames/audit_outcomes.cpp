@@ -37,21 +37,21 @@ void AuditOutcomes::quarantine(FarmChange& change, const std::string& worker_id)
   change.note(EventKind::worker_quarantined, worker_id, "delivered wrong pixels");
   change.log(LogLevel::error,
              absl::StrCat("worker ", worker_id, " quarantined: delivered wrong pixels"));
-  for (const auto& [job_key, job] : change.scheduler().jobs()) {
+  for (const auto& [job_key, job] : change.scheduler().jobs().all()) {
     if (job.contributions.count(worker_id) == 0) continue;
     JobFilm& film = change.film(job);
     std::vector<std::int32_t> finished;
     for (const auto& [frame, record] : film.finished) finished.push_back(frame);
     doubt_frames(change, job, finished, worker_id);
     if (has_ended(job.state) || !job.plan || !film.block_index) continue;
-    for (const std::int32_t frame : job.plan->frames()) {
+    for (const std::int32_t frame : job.plan->shape().frames) {
       if (job.plan->is_finished(frame) || !film.block_index->has(frame)) continue;
       redo_frame(change, job, frame, worker_id);
     }
   }
   // After its units are dropped: a server that crashes before must detect the fault again.
   pipeline_.post_write(
-      [this, names = change.scheduler().names_to_ban(worker_id)] {
+      [this, names = change.scheduler().quarantine().names_to_ban(worker_id)] {
         absl::Status status;
         for (const std::string& name : names) status.Update(store_.workers().ban_worker(name));
         return status;
@@ -119,7 +119,8 @@ void AuditOutcomes::redo_now(const FrameKey& key, const std::string& worker_id) 
     for (const Unit& unit : block_index.units(key.frame)) {
       const bool is_theirs = block_index.worker(*block_index.find(unit)) == worker_id;
       has_any = has_any || is_theirs;
-      const bool was_decided = job->plan->is_adaptive() && unit.pass >= job->plan->first_passes();
+      const bool was_decided =
+          job->plan->shape().is_adaptive && unit.pass >= job->plan->shape().first_passes();
       if (is_theirs || was_decided) units.push_back(unit);
     }
     if (!has_any) return finisher_.finish_if_complete(change, *job, key.frame);

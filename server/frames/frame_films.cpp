@@ -31,7 +31,7 @@ absl::StatusOr<contract::FilmBlock> FrameFilms::read_block(const std::string& jo
     record = film.open_block_index(*job).record(unit);
     const contract::PixelRect rect = film.open_grid(*job).rect(unit.tile);
     shape = {rect.width, rect.height, job->spec->settings.aovs, unit.pass == 0};
-    sample_count = job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
+    sample_count = job->plan->shape().passes[static_cast<std::size_t>(unit.pass)].sample_count;
   }
   if (!record) return absl::NotFoundError("block not committed");
   farm_.metrics().film_blocks.read_back.Increment();

@@ -14,7 +14,7 @@ constexpr auto kEstimateEvery = std::chrono::milliseconds(250);
 
 /// Returns whether all units of a frame are committed and no audit is open.
 bool is_ready(FarmChange& change, const Job& job, std::int32_t frame) {
-  return job.plan->is_complete(frame) && !change.scheduler().has_audits(job, frame);
+  return job.plan->is_complete(frame) && !change.scheduler().audits().has_audits(job, frame);
 }
 
 }  // namespace
@@ -33,15 +33,15 @@ void FrameFinisher::finish_if_complete(FarmChange& change, Job& job, std::int32_
 
 void FrameFinisher::catch_up(FarmChange& change, Job& job) {
   if (!job.plan) return;
-  for (const std::int32_t frame : job.plan->frames()) finish_if_complete(change, job, frame);
+  for (const std::int32_t frame : job.plan->shape().frames) finish_if_complete(change, job, frame);
   open_started(change, job);
 }
 
 /// Opens the started frames of a job with a target error, to restore their pass targets.
 void FrameFinisher::open_started(FarmChange& change, Job& job) {
-  if (!job.plan->is_adaptive()) return;
+  if (!job.plan->shape().is_adaptive) return;
   const BlockIndex& blocks = change.film(job).open_block_index(job);
-  for (const std::int32_t frame : job.plan->frames()) {
+  for (const std::int32_t frame : job.plan->shape().frames) {
     if (job.plan->is_finished(frame) || !blocks.has(frame)) continue;
     tasks_.post([this, key = FrameKey{job.spec->id, frame}] { open(key); });
   }
@@ -49,7 +49,7 @@ void FrameFinisher::open_started(FarmChange& change, Job& job) {
 
 void FrameFinisher::close_frames(const Job& job) {
   if (!job.plan) return;
-  tasks_.post([this, id = job.spec->id, frames = job.plan->frames()] {
+  tasks_.post([this, id = job.spec->id, frames = job.plan->shape().frames] {
     for (const std::int32_t frame : frames) {
       films_.cache().close_frame({id, frame});
       last_estimate_.erase({id, frame});
@@ -59,7 +59,7 @@ void FrameFinisher::close_frames(const Job& job) {
 
 void FrameFinisher::carry_out(FarmChange& change, const Effects& effects) {
   for (const JobKey key : effects.changed) {
-    const Job* job = change.scheduler().find_job(key);
+    const Job* job = change.scheduler().jobs().find(key);
     // The frames of a job that is done are closed one by one.
     if (job != nullptr && has_ended(job->state) && job->state != JobState::done) close_frames(*job);
   }
@@ -103,11 +103,11 @@ absl::Status FrameFinisher::pass_targets(const FrameKey& key) {
   Job* job = change.find_job(key.job_id);
   if (job == nullptr || !job->plan || job->plan->is_finished(key.frame)) return absl::OkStatus();
   for (const contract::PassRule::PassTarget& demand : *demands) {
-    change.scheduler().set_pass_target(*job, key.frame, demand.tile, demand.pass_count,
-                                       demand.is_final);
+    change.scheduler().results().set_pass_target(*job, key.frame, demand.tile, demand.pass_count,
+                                                 demand.is_final);
   }
   if (expected) change.film(*job).expected_samples[key.frame] = *expected;
-  change.scheduler().offer_work(change.now());
+  change.scheduler().dispatcher().dispatch_all(change.now());
   finish_if_complete(change, *job, key.frame);
   return absl::OkStatus();
 }
@@ -232,7 +232,7 @@ void FrameFinisher::note_finished(const FrameKey& key, const FinishedFrame& fram
   if (has_ended(job->state)) change.note_kept(*job);
   film.open_block_index(*job).erase(key.frame);
   change.log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " finished"));
-  change.scheduler().finish_frame(*job, key.frame, change.now());
+  change.scheduler().results().finish_frame(*job, key.frame, change.now());
 }
 
 void FrameFinisher::redo(const FrameKey& key, const std::vector<Unit>& units,
@@ -251,15 +251,15 @@ void FrameFinisher::redo(const FrameKey& key, const std::vector<Unit>& units,
     BlockIndex& blocks = film.open_block_index(*job);
     if (blocks.find(unit) == nullptr) continue;
     blocks.remove(unit);
-    change.scheduler().redo(*job, unit);
+    change.scheduler().results().redo(*job, unit);
     film.committed_samples -= film.unit_samples(*job, unit);
   }
-  if (reset_pass_targets) change.scheduler().reset_pass_targets(*job, key.frame);
+  if (reset_pass_targets) change.scheduler().results().reset_pass_targets(*job, key.frame);
   tasks_.post([this, key] {  // rebuilds the film without them
     films_.cache().close_frame(key);
     open(key);
   });
-  change.scheduler().offer_work(change.now());
+  change.scheduler().dispatcher().dispatch_all(change.now());
 }
 
 /// Handles a frame that cannot be finished: pauses its job if the disk is full, else fails it.
@@ -274,7 +274,8 @@ void FrameFinisher::fail(const FrameKey& key, const absl::Status& status) {
   if (absl::IsResourceExhausted(status)) {
     change.pause_for_room(*job, status);
   } else {
-    change.scheduler().fail_job(*job, absl::Status(status.code(), reason), change.now());
+    change.scheduler().lifecycle().fail_job(*job, absl::Status(status.code(), reason),
+                                            change.now());
   }
 }
 

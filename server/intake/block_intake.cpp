@@ -36,7 +36,7 @@ absl::Status check_size(const BlockHeader& header, const contract::FilmBlockShap
 
 /// Returns the seconds since the unit was leased to its worker, if this process leased it.
 std::optional<double> turnaround_seconds(FarmChange& change, Job& job, const UnitRecord& record) {
-  const Worker* worker = change.scheduler().find_worker(record.worker_id);
+  const Worker* worker = change.scheduler().workers().find(record.worker_id);
   const InFlight* in_flight = job.open_plan().find_in_flight(record.unit);
   if (worker == nullptr || in_flight == nullptr) return std::nullopt;
   for (const Holder& holder : in_flight->holders) {
@@ -53,11 +53,11 @@ std::optional<double> turnaround_seconds(FarmChange& change, Job& job, const Uni
 absl::Status BlockIntake::check_delivery(const std::string& worker_id,
                                          const std::string& certificate) {
   FarmChange change(farm_);
-  const Worker* worker = change.scheduler().find_worker(worker_id);
+  const Worker* worker = change.scheduler().workers().find(worker_id);
   if (worker == nullptr || !worker->connected || worker->certificate != certificate) {
     return absl::FailedPreconditionError("this worker has no open Work stream; open one first");
   }
-  change.scheduler().record_contact(worker->key, change.now());
+  change.scheduler().connections().record_contact(worker->key, change.now());
   return absl::OkStatus();
 }
 
@@ -65,23 +65,23 @@ void BlockIntake::acknowledge(FarmChange& change, const std::string& worker_id,
                               const BlockHeader& header, AckStatus status,
                               const std::string& reason) {
   farm_.metrics().acknowledgement(status).Increment();
-  const Worker* worker = change.scheduler().find_worker(worker_id);
+  const Worker* worker = change.scheduler().workers().find(worker_id);
   if (worker == nullptr) return;
-  change.scheduler().acknowledge(worker->key,
-                                 {{header.lease.job_id, header.unit()}, status, reason});
+  change.scheduler().connections().acknowledge(
+      worker->key, {{header.lease.job_id, header.unit()}, status, reason});
 }
 
 void BlockIntake::reject(FarmChange& change, const std::string& worker_id,
                          const BlockHeader& header, const std::string& reason) {
-  Worker* worker = change.scheduler().find_worker(worker_id);
+  Worker* worker = change.scheduler().workers().find(worker_id);
   if (worker == nullptr) return;
   farm_.metrics().errors.block_rejected.Increment();
   change.log(LogLevel::warn, absl::StrCat("worker ", worker_id, ": block of job ",
                                           header.lease.job_id, " rejected: ", reason));
   acknowledge(change, worker_id, header, AckStatus::rejected, reason);
-  change.scheduler().fail_unit(worker->key, header.lease, header.tile,
-                               {worker_id, absl::StrCat("block rejected: ", reason), ""},
-                               absl::StatusCode::kDataLoss, change.now());
+  change.scheduler().failures().fail_unit(worker->key, header.lease, header.tile,
+                                          {worker_id, absl::StrCat("block rejected: ", reason), ""},
+                                          absl::StatusCode::kDataLoss, change.now());
 }
 
 void BlockIntake::answer_obsolete(FarmChange& change, const std::string& worker_id,
@@ -90,7 +90,7 @@ void BlockIntake::answer_obsolete(FarmChange& change, const std::string& worker_
   Job* job = change.find_job(header.lease.job_id);
   if (job == nullptr) return;
   job->counters.wasted_cpu_seconds += header.cpu_seconds;
-  if (job->plan) change.scheduler().release_duplicate(*job, header.unit(), worker_id);
+  if (job->plan) change.scheduler().results().release_duplicate(*job, header.unit(), worker_id);
 }
 
 /// Acknowledges a unit that is already committed; returns false if it is not.
@@ -100,7 +100,7 @@ bool BlockIntake::answer_duplicate(FarmChange& change, Job& job, const std::stri
   const BlockIndex::BlockLocation* found = block_index.find(header.unit());
   if (found == nullptr) return false;
   const BlockIndex::BlockLocation location = *found;
-  const bool is_answer = change.scheduler().answer_audit(
+  const bool is_answer = change.scheduler().audits().answer_audit(
       job, header.unit(), header.lease, {worker_id, header.sha256},
       {block_index.worker(location), location.sha256}, change.now());
   if (!is_answer) ++job.counters.duplicated;
@@ -111,7 +111,7 @@ bool BlockIntake::answer_duplicate(FarmChange& change, Job& job, const std::stri
                    .end_us = farm_.options().wall_us(),
                    .cpu_seconds = header.cpu_seconds});
   job.counters.wasted_cpu_seconds += header.cpu_seconds;
-  change.scheduler().release_duplicate(job, header.unit(), worker_id);
+  change.scheduler().results().release_duplicate(job, header.unit(), worker_id);
   if (location.sha256 == header.sha256) {
     acknowledge(change, worker_id, header, AckStatus::duplicate, "");
   } else {
@@ -141,7 +141,7 @@ std::optional<Admission> BlockIntake::check_header(FarmChange& change, const std
                                                    const BlockHeader& header) {
   Job* job = change.find_job(header.lease.job_id);
   if (job != nullptr && !has_ended(job->state)) job->open_plan();
-  if (job == nullptr || !change.scheduler().wants(*job, header.lease, header.unit())) {
+  if (job == nullptr || !change.scheduler().results().wants(*job, header.lease, header.unit())) {
     answer_obsolete(change, worker_id, header);
     return std::nullopt;
   }
@@ -223,8 +223,8 @@ void BlockIntake::check_group(Group& group) {
     const BlockHeader& header = block.header;
     group.bytes += weight(header);
     Job* job = change.find_job(header.lease.job_id);
-    if (job == nullptr || !change.scheduler().wants(*job, header.lease, header.unit()) ||
-        change.scheduler().is_quarantined(block.worker_id)) {
+    if (job == nullptr || !change.scheduler().results().wants(*job, header.lease, header.unit()) ||
+        change.scheduler().quarantine().is_quarantined(block.worker_id)) {
       answer_obsolete(change, block.worker_id, header);
     } else if (answer_duplicate(change, *job, block.worker_id, header)) {
       continue;
@@ -238,7 +238,7 @@ void BlockIntake::check_group(Group& group) {
       commit.record.worker_id = block.worker_id;
       commit.record.cpu_seconds = header.cpu_seconds;
       commit.record.size_bytes = header.size_bytes;
-      if (change.scheduler().wants_audit(*job, header.unit(), block.worker_id)) {
+      if (change.scheduler().audits().wants_audit(*job, header.unit(), block.worker_id)) {
         commit.record.audit = AuditState::open;
       }
       commit.block = std::move(block.bytes);
@@ -303,12 +303,12 @@ void BlockIntake::note_committed(FarmChange& change, Job& job, const UnitRecord&
   if (has_ended(job.state)) change.note_kept(job);
   count_committed(change, job, record, samples);
   job.counters.cost += block.header.cost;
-  scheduler.commit(job, record.unit, record.worker_id, record.cpu_seconds);
+  scheduler.results().commit(job, record.unit, record.worker_id, record.cpu_seconds);
   budgets_.charge(change, job, record.cpu_seconds);
-  if (scheduler.is_quarantined(record.worker_id)) {  // found faulty in the meantime
+  if (scheduler.quarantine().is_quarantined(record.worker_id)) {  // found faulty in the meantime
     audits_.redo_frame(change, job, record.unit.frame, record.worker_id);
   } else if (record.audit == AuditState::open) {
-    scheduler.open_audit(job, record.unit, record.worker_id, record.sha256);
+    scheduler.audits().open_audit(job, record.unit, record.worker_id, record.sha256);
   }
   acknowledge(change, block.worker_id, block.header, AckStatus::committed, "");
   FilmUpdate update{job.spec->id, record.unit, std::nullopt, nullptr};

@@ -111,16 +111,16 @@ absl::Status JobAdmin::apply(FarmChange& change, Job& job, Change what) {
   absl::Status status;
   switch (what) {
     case Change::pause:
-      return scheduler.pause(job, "paused by the user", change.now());
+      return scheduler.lifecycle().pause(job, "paused by the user", change.now());
     case Change::cancel:
-      return scheduler.cancel(job, change.now());
+      return scheduler.lifecycle().cancel(job, change.now());
     case Change::resume:
-      status = scheduler.resume(job, change.now());
+      status = scheduler.lifecycle().resume(job, change.now());
       break;
     case Change::retry:
       status = check_render_contract(*job.spec);
       status.Update(check_owners_quota(change, *job.spec, assets_use(job.spec->owner)));
-      if (status.ok()) status = scheduler.retry(job, change.now());
+      if (status.ok()) status = scheduler.lifecycle().retry(job, change.now());
       break;
   }
   if (status.ok()) finisher_.catch_up(change, job);
@@ -199,11 +199,12 @@ JobView JobAdmin::replan(const std::string& job_id, const std::shared_ptr<const 
   FarmChange change(farm_);
   Job& job = *change.find_job(job_id);  // only this thread removes jobs
   JobFilm& film = change.film(job);
-  change.scheduler().extend(job, spec);
+  change.scheduler().changes().extend(job, spec);
   change.note_demand(job);
   film.reset();
   for (const UnitRecord& record : kept) {
-    change.scheduler().restore_unit(job, record.unit, record.worker_id, record.cpu_seconds);
+    change.scheduler().results().restore_unit(job, record.unit, record.worker_id,
+                                              record.cpu_seconds);
     film.open_block_index(job).add(record, job.wall_seconds(change.now()));
     film.committed_samples += film.unit_samples(job, record.unit);
   }
@@ -211,7 +212,7 @@ JobView JobAdmin::replan(const std::string& job_id, const std::shared_ptr<const 
   film.wall_at_start = job.wall_seconds(change.now());
   finisher_.close_frames(job);
   if (!has_ended(job.state)) finisher_.catch_up(change, job);
-  change.scheduler().offer_work(change.now());
+  change.scheduler().dispatcher().dispatch_all(change.now());
   return change.view(job);
 }
 
@@ -253,7 +254,7 @@ absl::StatusOr<JobView> JobAdmin::update_now(const std::string& job_id, const Up
   if (!written.ok()) return written;
   FarmChange change(farm_);
   Job& job = *change.find_job(job_id);  // only this thread removes jobs
-  change.scheduler().change(job, spec, change.now());
+  change.scheduler().changes().change(job, spec, change.now());
   change.log(LogLevel::info, absl::StrCat("job ", job_id, " changed: ", describe(*spec)));
   return change.view(job);
 }
@@ -289,7 +290,7 @@ absl::Status JobAdmin::remove_now(const std::string& job_id) {
     spec = job.spec;
     // A client may have retried it in the meantime.
     if (!has_ended(job.state)) {
-      change.scheduler().end_job(job, JobState::cancelled, "removed", change.now());
+      change.scheduler().lifecycle().end_job(job, JobState::cancelled, "removed", change.now());
     }
     finisher_.close_frames(job);
     change.remove_job(job);
@@ -302,7 +303,7 @@ void JobAdmin::tick(FarmChange& change) {
   if ((is_due || has_more_expired_) && expiring_ == 0) expire_jobs(change);
   if (!is_due) return;
   last_tick_ = change.now();
-  for (const auto& [key, job] : change.scheduler().jobs()) {
+  for (const auto& [key, job] : change.scheduler().jobs().all()) {
     if (FarmChange::waits_for_room(job)) return pipeline_.post([this] { resume_waiting(); });
   }
 }
@@ -312,8 +313,8 @@ void JobAdmin::resume_waiting() {
   if (store_.free_bytes() < kRoomToResume) return;
   FarmChange change(farm_);
   std::vector<Job*> waiting;
-  for (const auto& [key, job] : change.scheduler().jobs()) {
-    if (FarmChange::waits_for_room(job)) waiting.push_back(change.scheduler().find_job(key));
+  for (const auto& [key, job] : change.scheduler().jobs().all()) {
+    if (FarmChange::waits_for_room(job)) waiting.push_back(change.scheduler().jobs().find(key));
   }
   for (Job* job : waiting) apply(change, *job, Change::resume).IgnoreError();  // none has ended
 }
@@ -325,7 +326,7 @@ void JobAdmin::expire_jobs(FarmChange& change) {
   if (options.job_retention_us <= 0) return;
   const auto retention = std::chrono::microseconds(options.job_retention_us);
   std::size_t count = 0;
-  for (const auto& [key, job] : change.scheduler().jobs()) {
+  for (const auto& [key, job] : change.scheduler().jobs().all()) {
     const std::optional<Time> ended = change.film(job).end_time;
     if (!ended || change.now() - *ended < retention) continue;
     ++expiring_;

@@ -66,7 +66,7 @@ absl::Status check_owners_quota(const FarmView& farm, const JobSpec& spec, Owner
 
 absl::Status check_limits_exist(const FarmView& farm, const std::vector<LimitUse>& uses) {
   for (const LimitUse& use : uses) {
-    if (farm.scheduler().limits().has(use.limit)) continue;
+    if (farm.scheduler().limits().table().has(use.limit)) continue;
     return absl::NotFoundError(absl::StrCat("limits: no limit \"", use.limit,
                                             "\"; an operator creates it with `tessera limits set ",
                                             use.limit, " N`"));
@@ -97,7 +97,7 @@ absl::StatusOr<std::optional<JobView>> JobAdmission::find_existing(const JobSpec
   const FarmView view(farm_);
   const JobKey key = view.index().of_request(spec.request_id);
   if (key == 0) return std::nullopt;
-  const Job& job = view.scheduler().jobs().at(key);
+  const Job& job = view.scheduler().jobs().all().at(key);
   if (job.spec->owner == spec.owner) return view.view(job);
   return absl::AlreadyExistsError("request_id: used by another client");
 }
@@ -183,7 +183,7 @@ JobView JobAdmission::add(const Request& request) {
   FarmChange change(farm_);
   Job& job = change.add_job(record.sequence, std::move(spec), JobState::queued);
   change.film(job).create_time_us = record.create_time_us;
-  change.scheduler().offer_work(change.now());
+  change.scheduler().dispatcher().dispatch_all(change.now());
   return change.view(job);
 }
 

@@ -29,9 +29,9 @@ struct Census {
       ++paused_jobs[static_cast<std::size_t>(farm.pause_cause(job)) - 1];
     }
     if (has_ended(job.state)) return;
-    const std::int64_t total = job.plan ? job.plan->unit_count() : job.unit_count;
-    const std::int64_t done = job.plan ? job.plan->committed_count() : 0;
-    const std::int64_t in_flight = job.plan ? job.plan->in_flight_count() : 0;
+    const std::int64_t total = job.plan ? job.plan->counts().planned : job.unit_count;
+    const std::int64_t done = job.plan ? job.plan->counts().committed : 0;
+    const std::int64_t in_flight = job.plan ? job.plan->counts().in_flight : 0;
     committed += done;
     leased += in_flight;
     const std::int64_t rest = total - done - in_flight;
@@ -42,7 +42,7 @@ struct Census {
     const std::int64_t open = leasable(job, rest);
     waiting += open;
     blocked += rest - open;
-    if (open == 0 || scheduler.limits().room(job.spec->limits) == 0) return;
+    if (open == 0 || scheduler.limits().table().room(job.spec->limits) == 0) return;
     const std::string pool = job.spec->pool.empty() ? kDefaultPool : job.spec->pool;
     pool_waiting[pool] += static_cast<double>(open);
     double& oldest = pool_oldest[pool];
@@ -51,7 +51,7 @@ struct Census {
   /// Returns how many of the units that are not leased no other job blocks.
   static std::int64_t leasable(const Job& job, std::int64_t rest) {
     if (!job.is_runnable()) return 0;
-    if (job.plan) return job.plan->waiting_count();
+    if (job.plan) return job.plan->counts().waiting;
     const auto blocked_frames = static_cast<std::int64_t>(job.blocked_frames.size());
     return rest - rest / std::max(job.frame_count, 1) * blocked_frames;
   }
@@ -86,9 +86,9 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
   Census census;
   {
     const FarmView view(parts_.farm);
-    for (const auto& [key, job] : view.scheduler().jobs()) census.add(view, job);
-    census.add(view.scheduler().limits());
-    for (const auto& [key, worker] : view.scheduler().workers()) census.add(worker);
+    for (const auto& [key, job] : view.scheduler().jobs().all()) census.add(view, job);
+    census.add(view.scheduler().limits().table());
+    for (const auto& [key, worker] : view.scheduler().workers().all()) census.add(worker);
   }
   const auto set = [](prometheus::Gauge& gauge, auto value) {
     gauge.Set(static_cast<double>(value));

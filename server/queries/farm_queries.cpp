@@ -24,7 +24,7 @@ bool is_visible_to(const Job& job, const std::string& owner) {
 /// Returns the newest of the owner's jobs, or 0.
 JobKey newest(const FarmView& farm, const std::string& owner) {
   if (owner.empty()) {
-    const auto& jobs = farm.scheduler().jobs();
+    const auto& jobs = farm.scheduler().jobs().all();
     return jobs.empty() ? 0 : jobs.rbegin()->first;
   }
   const std::set<JobKey>& theirs = farm.index().of_owner(owner);
@@ -35,7 +35,7 @@ absl::Status ambiguous(const FarmView& farm, const std::string& text,
                        const std::vector<JobKey>& matches) {
   std::string message = absl::StrCat("\"", text, "\" matches several jobs:");
   for (const JobKey key : matches) {
-    absl::StrAppend(&message, " ", farm.scheduler().jobs().at(key).spec->id);
+    absl::StrAppend(&message, " ", farm.scheduler().jobs().all().at(key).spec->id);
   }
   if (matches.size() == kMaxMatches) absl::StrAppend(&message, " ...");
   return absl::InvalidArgumentError(message);
@@ -60,7 +60,7 @@ absl::StatusOr<JobView> FarmQueries::find_job(const std::string& text,
                                               const std::string& owner) const {
   if (text.empty()) return no_such_job(text);
   const FarmView view(parts_.farm);
-  const auto& jobs = view.scheduler().jobs();
+  const auto& jobs = view.scheduler().jobs().all();
   JobKey key = text == "last" ? newest(view, owner) : view.index().with_id(text);
   if (key != 0 && !is_visible_to(jobs.at(key), owner)) key = 0;
   if (key == 0) {
@@ -75,7 +75,7 @@ absl::StatusOr<JobView> FarmQueries::find_job(const std::string& text,
 std::vector<JobView> FarmQueries::list_jobs(JobKey before, std::int32_t limit,
                                             const std::string& owner) const {
   const FarmView view(parts_.farm);
-  const auto& jobs = view.scheduler().jobs();
+  const auto& jobs = view.scheduler().jobs().all();
   std::vector<JobView> views;
   const auto list = [&](const auto& keys, const auto& job_of) {
     auto it = before > 0 ? std::make_reverse_iterator(keys.lower_bound(before)) : keys.rbegin();
@@ -96,7 +96,8 @@ std::shared_ptr<const JobSpec> FarmQueries::describe_job(const std::string& job_
   const FarmView view(parts_.farm);
   const Job* job = view.find_job(job_id);
   if (job == nullptr) return nullptr;
-  if (!certificate.empty() && view.scheduler().leased_jobs(certificate).count(job->key) == 0) {
+  if (!certificate.empty() &&
+      view.scheduler().workers().leased_jobs(certificate).count(job->key) == 0) {
     return nullptr;
   }
   return job->spec;
@@ -113,7 +114,7 @@ absl::StatusOr<JobReport> FarmQueries::report(const std::string& job_id) const {
     report.counters = job->counters;
     report.contributions = job->contributions;
     report.warnings = view.film(*job).warnings;
-    for (const auto& [key, worker] : view.scheduler().workers()) {
+    for (const auto& [key, worker] : view.scheduler().workers().all()) {
       if (report.contributions.count(worker.id) == 0) continue;
       report.machines[worker.id] = {worker.isa, worker.thread_count};
     }

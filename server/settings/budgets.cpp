@@ -60,7 +60,7 @@ void Budgets::enforce(FarmChange& change) {
     change.log(LogLevel::warn, budget_text(account, state));
     tell(account, state, account.scope == AccountScope::owner ? account.name : "");
   }
-  change.scheduler().stop_accounts(ledger_.stop_reasons(), change.now());
+  change.scheduler().limits().stop_accounts(ledger_.stop_reasons(), change.now());
 }
 
 /// Writes the event together with the fact that it was told.

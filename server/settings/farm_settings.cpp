@@ -39,15 +39,17 @@ absl::Status FarmSettings::load(FarmChange& change) {
   if (!limits.ok()) return limits.status();
   for (const auto& [name, value] : *limits) {
     std::int64_t units = 0;
-    if (absl::SimpleAtoi(value, &units)) change.scheduler().set_limit(name, units, change.now());
+    if (absl::SimpleAtoi(value, &units))
+      change.scheduler().limits().set_limit(name, units, change.now());
   }
   const auto pools = store_.settings().read(SettingKind::pool);
   if (!pools.ok()) return pools.status();
-  for (const auto& [worker, pool] : *pools) change.scheduler().move(worker, pool, change.now());
+  for (const auto& [worker, pool] : *pools)
+    change.scheduler().orders().move(worker, pool, change.now());
   const auto aside = store_.settings().read(SettingKind::aside);
   if (!aside.ok()) return aside.status();
   for (const auto& [worker, reason] : *aside) {
-    change.scheduler().set_aside(worker, reason, change.now());
+    change.scheduler().orders().set_aside(worker, reason, change.now());
   }
   const auto use = store_.settings().read(SettingKind::use);
   if (!use.ok()) return use.status();
@@ -56,7 +58,7 @@ absl::Status FarmSettings::load(FarmChange& change) {
     double cpu_seconds = 0;
     if (absl::SimpleAtod(value, &cpu_seconds)) table.push_back({owner, cpu_seconds});
   }
-  change.scheduler().restore_usage(table, change.now());
+  change.scheduler().limits().restore_usage(table, change.now());
   return absl::OkStatus();
 }
 
@@ -65,7 +67,7 @@ absl::Status FarmSettings::load(FarmChange& change) {
 std::vector<LimitView> FarmSettings::limits() const {
   const FarmView view(farm_);
   std::vector<LimitView> limits;
-  for (const auto& [name, limit] : view.scheduler().limits().all()) {
+  for (const auto& [name, limit] : view.scheduler().limits().table().all()) {
     if (limit.units) limits.push_back({name, *limit.units, limit.used});
   }
   return limits;
@@ -80,7 +82,7 @@ absl::StatusOr<LimitView> FarmSettings::set_limit_now(const std::string& name, s
   Settings rows;
   {
     const FarmView view(farm_);
-    rows = limit_rows(view.scheduler().limits());
+    rows = limit_rows(view.scheduler().limits().table());
   }
   rows[name] = absl::StrCat(units);
   if (rows.size() > kMaxLimits) {
@@ -90,9 +92,9 @@ absl::StatusOr<LimitView> FarmSettings::set_limit_now(const std::string& name, s
     return saved;
   }
   FarmChange change(farm_);
-  change.scheduler().set_limit(name, units, change.now());
+  change.scheduler().limits().set_limit(name, units, change.now());
   change.log(LogLevel::info, absl::StrCat("limit ", name, " has ", units, " units"));
-  return LimitView{name, units, change.scheduler().limits().all().at(name).used};
+  return LimitView{name, units, change.scheduler().limits().table().all().at(name).used};
 }
 
 void FarmSettings::remove_limit(const std::string& name, std::function<void(absl::Status)> done) {
@@ -103,14 +105,14 @@ absl::Status FarmSettings::remove_limit_now(const std::string& name) {
   Settings rows;
   {
     const FarmView view(farm_);
-    rows = limit_rows(view.scheduler().limits());
+    rows = limit_rows(view.scheduler().limits().table());
   }
   if (rows.erase(name) == 0) return no_such_limit(name);
   if (absl::Status saved = store_.settings().save(SettingKind::limit, rows); !saved.ok()) {
     return saved;
   }
   FarmChange change(farm_);
-  change.scheduler().remove_limit(name, change.now());
+  change.scheduler().limits().remove_limit(name, change.now());
   change.log(LogLevel::info, absl::StrCat("limit ", name, " is removed"));
   return absl::OkStatus();
 }
@@ -127,8 +129,8 @@ absl::Status FarmSettings::move_now(const std::string& worker_id, const std::str
   Settings rows;
   {
     FarmChange change(farm_);
-    rows = change.scheduler().placement().moved();
-    if (change.scheduler().find_worker(worker_id) == nullptr && rows.count(worker_id) == 0) {
+    rows = change.scheduler().orders().placement().moved();
+    if (change.scheduler().workers().find(worker_id) == nullptr && rows.count(worker_id) == 0) {
       return no_such_worker(worker_id);
     }
   }
@@ -143,8 +145,8 @@ absl::Status FarmSettings::move_now(const std::string& worker_id, const std::str
                                 pool.empty() ? "its own pool" : absl::StrCat("pool ", pool)});
   if (!saved.ok()) return saved;
   FarmChange change(farm_);
-  change.scheduler().move(worker_id, pool, change.now());
-  const Worker* worker = change.scheduler().find_worker(worker_id);
+  change.scheduler().orders().move(worker_id, pool, change.now());
+  const Worker* worker = change.scheduler().workers().find(worker_id);
   const std::string now_in = worker != nullptr ? worker->pool : pool;
   change.log(LogLevel::info, absl::StrCat("worker ", worker_id, " is in pool ", now_in));
   return absl::OkStatus();
@@ -161,8 +163,8 @@ absl::Status FarmSettings::set_aside_now(const std::string& worker_id, const std
   Settings rows;
   {
     FarmChange change(farm_);
-    rows = change.scheduler().placement().aside();
-    if (change.scheduler().find_worker(worker_id) == nullptr && rows.count(worker_id) == 0) {
+    rows = change.scheduler().orders().placement().aside();
+    if (change.scheduler().workers().find(worker_id) == nullptr && rows.count(worker_id) == 0) {
       return no_such_worker(worker_id);
     }
   }
@@ -172,7 +174,7 @@ absl::Status FarmSettings::set_aside_now(const std::string& worker_id, const std
                                {0, 0, EventKind::worker_set_aside, "", "", worker_id, reason});
   if (!saved.ok()) return saved;
   FarmChange change(farm_);
-  change.scheduler().set_aside(worker_id, reason, change.now());
+  change.scheduler().orders().set_aside(worker_id, reason, change.now());
   change.log(LogLevel::info, absl::StrCat("worker ", worker_id, " is set aside",
                                           reason.empty() ? "" : ": ", reason));
   return absl::OkStatus();
@@ -187,9 +189,9 @@ absl::Status FarmSettings::bring_back_now(const std::string& worker_id) {
   Settings rows;
   {
     FarmChange change(farm_);
-    rows = change.scheduler().placement().aside();
+    rows = change.scheduler().orders().placement().aside();
     if (rows.count(worker_id) == 0) {
-      const bool is_known = change.scheduler().find_worker(worker_id) != nullptr;
+      const bool is_known = change.scheduler().workers().find(worker_id) != nullptr;
       return is_known ? absl::OkStatus() : no_such_worker(worker_id);
     }
   }
@@ -199,7 +201,7 @@ absl::Status FarmSettings::bring_back_now(const std::string& worker_id) {
                                {0, 0, EventKind::worker_brought_back, "", "", worker_id, ""});
   if (!saved.ok()) return saved;
   FarmChange change(farm_);
-  change.scheduler().bring_back(worker_id, change.now());
+  change.scheduler().orders().bring_back(worker_id, change.now());
   change.log(LogLevel::info, absl::StrCat("worker ", worker_id, " is back"));
   return absl::OkStatus();
 }
@@ -208,7 +210,7 @@ absl::Status FarmSettings::bring_back_now(const std::string& worker_id) {
 
 void FarmSettings::write_use(FarmChange& change) {
   pipeline_.post_write(
-      [this, rows = use_rows(change.scheduler().usage(change.now()))] {
+      [this, rows = use_rows(change.scheduler().limits().usage(change.now()))] {
         return store_.settings().save(SettingKind::use, rows);
       },
       [this](const absl::Status& status) {

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "server/schedule/scheduler/scheduler.h"
+#include "server/schedule/tables/policy.h"
 #include "server/state/client_quota.h"
 #include "server/store/store.h"
 #include "server/telemetry/farm_metrics.h"

@@ -63,7 +63,7 @@ FarmView::~FarmView() {
 }
 
 const Job* FarmView::find_job(const std::string& job_id) const {
-  return scheduler().find_job(job_id);
+  return scheduler().jobs().find(job_id);
 }
 
 const JobFilm& FarmView::film(const Job& job) const ABSL_NO_THREAD_SAFETY_ANALYSIS {
@@ -74,7 +74,7 @@ JobView FarmView::view(const Job& job) const {
   JobView view = film(job).view(job, now());
   view.pause_cause = pause_cause(job);
   if (view.reason.empty() && (job.state == JobState::queued || job.state == JobState::running)) {
-    view.reason = scheduler().wait_text(job);
+    view.reason = scheduler().waiting().wait_text(job);
   }
   return view;
 }
@@ -90,7 +90,7 @@ JobRecord FarmView::record(const Job& job) const {
 }
 
 OwnerUse FarmView::owner_use(const std::string& owner) const ABSL_NO_THREAD_SAFETY_ANALYSIS {
-  const Demand demand = scheduler().demand(owner);
+  const Demand demand = scheduler().jobs().demand(owner);
   OwnerUse use;
   use.jobs = demand.jobs;
   use.store_bytes = demand.store_bytes;
@@ -117,7 +117,7 @@ void FarmChange::settle() {
        effects = scheduler().take_effects()) {
     for (EffectHandler* handler : state_.handlers_) handler->carry_out(*this, effects);
     for (const JobKey key : effects.changed) {
-      if (const Job* job = scheduler().find_job(key)) note_state(*job);
+      if (const Job* job = scheduler().jobs().find(key)) note_state(*job);
     }
   }
 }
@@ -152,7 +152,7 @@ void FarmChange::note_kept(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {
 }
 
 Job* FarmChange::find_job(const std::string& job_id) {
-  return scheduler().find_job(job_id);
+  return scheduler().jobs().find(job_id);
 }
 
 JobFilm& FarmChange::film(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {
@@ -163,14 +163,14 @@ Job& FarmChange::add_job(JobKey key, std::shared_ptr<const JobSpec> spec,
                          JobState state) ABSL_NO_THREAD_SAFETY_ANALYSIS {
   state_.index_.add(key, *spec);
   state_.films_[key];
-  Job& job = scheduler().add_job(key, std::move(spec), state);
+  Job& job = scheduler().changes().add_job(key, std::move(spec), state);
   note_demand(job);
   return job;
 }
 
 void FarmChange::note_demand(Job& job) {
   const JobSize size = max_job_size(*job.spec);
-  scheduler().set_demand(job, static_cast<double>(size.store_bytes), size.samples);
+  scheduler().changes().set_demand(job, static_cast<double>(size.store_bytes), size.samples);
 }
 
 void FarmChange::remove_job(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {
@@ -178,7 +178,7 @@ void FarmChange::remove_job(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {
   state_.index_.remove(key, *job.spec);
   state_.kept_.remove(key);
   state_.films_.erase(key);
-  scheduler().remove_job(key);
+  scheduler().lifecycle().remove_job(key);
 }
 
 bool FarmChange::waits_for_room(const Job& job) {
@@ -188,6 +188,7 @@ bool FarmChange::waits_for_room(const Job& job) {
 void FarmChange::pause_for_room(Job& job, const absl::Status& status) {
   if (job.state == JobState::paused) return;  // it resumes when who paused it wants
   scheduler()
+      .lifecycle()
       .pause(job, absl::StrCat(kStoreFull, std::string(status.message())), now())
       .IgnoreError();
 }

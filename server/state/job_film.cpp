@@ -17,7 +17,8 @@ const contract::TileGrid& JobFilm::open_grid(const Job& job) {
 BlockIndex& JobFilm::open_block_index(Job& job) {
   if (!block_index) {
     const JobPlan& plan = job.open_plan();
-    block_index.emplace(plan.tile_count(), static_cast<std::int32_t>(plan.passes().size()));
+    block_index.emplace(plan.shape().tile_count,
+                        static_cast<std::int32_t>(plan.shape().passes.size()));
   }
   return *block_index;
 }
@@ -25,7 +26,7 @@ BlockIndex& JobFilm::open_block_index(Job& job) {
 std::int64_t JobFilm::unit_samples(Job& job, const Unit& unit) {
   const contract::PixelRect rect = open_grid(job).rect(unit.tile);
   const auto pass = static_cast<std::size_t>(unit.pass);
-  return std::int64_t{rect.width} * rect.height * job.open_plan().passes()[pass].sample_count;
+  return std::int64_t{rect.width} * rect.height * job.open_plan().shape().passes[pass].sample_count;
 }
 
 void JobFilm::count_finished(const FrameRecord& record, const FrameSummary& summary) {
@@ -77,11 +78,11 @@ JobView JobFilm::view(const Job& job, Time now) const {
   view.failed_attempts = job.failed_attempts;
   view.create_time_us = create_time_us;
   view.end_time_us = end_time_us;
-  view.unit_count = job.plan ? job.plan->unit_count() : job.unit_count;
+  view.unit_count = job.plan ? job.plan->counts().planned : job.unit_count;
   view.frame_count = job.frame_count;
   if (job.plan) {
-    view.committed_unit_count = job.plan->committed_count();
-    view.leased_unit_count = job.plan->in_flight_count();
+    view.committed_unit_count = job.plan->counts().committed;
+    view.leased_unit_count = job.plan->counts().in_flight;
     view.finished_frame_count = job.plan->finished_frame_count();
   }
   view.committed_sample_count = committed_samples;

@@ -29,7 +29,7 @@ void note_failure(FarmChange& change, const Job& job, const std::string& worker_
 WorkerRegistry::Joined WorkerRegistry::join(const Hello& hello,
                                             std::shared_ptr<WorkerConnection> connection) {
   FarmChange change(farm_);
-  const WorkerKey key = change.scheduler().connect(hello, change.now());
+  const WorkerKey key = change.scheduler().connections().connect(hello, change.now());
   OpenConnection& connected = connections_[key];
   if (connected.connection) {
     change.after_unlocking([old = connected.connection] {
@@ -56,8 +56,9 @@ bool WorkerRegistry::is_open(const FarmView& /*farm*/, Session session) const {
 /// Returns the worker of an open session, after noting the contact, else nullptr.
 Worker* WorkerRegistry::session_worker(FarmChange& change, Session session) {
   if (!is_open(change, session)) return nullptr;
-  Worker* worker = change.scheduler().find_worker(session.worker);
-  if (worker != nullptr) change.scheduler().record_contact(session.worker, change.now());
+  Worker* worker = change.scheduler().workers().find(session.worker);
+  if (worker != nullptr)
+    change.scheduler().connections().record_contact(session.worker, change.now());
   return worker;
 }
 
@@ -68,7 +69,7 @@ void WorkerRegistry::disconnect(Session session) {
   // The connection may own the caller: it is destroyed after unlocking.
   change.after_unlocking([connection = std::move(connected->second.connection)] {});
   connections_.erase(connected);
-  change.scheduler().disconnect(session.worker);
+  change.scheduler().connections().disconnect(session.worker);
 }
 
 void WorkerRegistry::carry_out(FarmChange& change, const Effects& effects) {
@@ -94,7 +95,7 @@ void WorkerRegistry::close_unread(FarmChange& change, WorkerKey key) {
 
 void WorkerRegistry::close_lost(FarmChange& change, WorkerKey key) {
   farm_.metrics().errors.worker_lost.Increment();
-  if (const Worker* worker = change.scheduler().find_worker(key)) {
+  if (const Worker* worker = change.scheduler().workers().find(key)) {
     change.note(EventKind::worker_lost, worker->id, "");
     change.log(LogLevel::warn, absl::StrCat("worker ", worker->id, " is lost"));
   }
@@ -104,7 +105,7 @@ void WorkerRegistry::close_lost(FarmChange& change, WorkerKey key) {
     connection->close(absl::UnavailableError("heartbeat timeout; reconnect"));
   });
   connections_.erase(connected);
-  change.scheduler().disconnect(key);
+  change.scheduler().connections().disconnect(key);
 }
 
 // Reports ----------------------------------------------------------------------------------------
@@ -118,25 +119,25 @@ void WorkerRegistry::heartbeat(Session session, const std::vector<UnitName>& sta
                                std::int64_t rss_bytes) {
   FarmChange change(farm_);
   if (session_worker(change, session) == nullptr) return;
-  change.scheduler().heartbeat(session.worker, started, rss_bytes, change.now());
+  change.scheduler().connections().heartbeat(session.worker, started, rss_bytes, change.now());
 }
 
 void WorkerRegistry::grant_credits(Session session, std::int32_t count) {
   FarmChange change(farm_);
   if (session_worker(change, session) == nullptr) return;
-  change.scheduler().grant_credits(session.worker, count, change.now());
+  change.scheduler().connections().grant_credits(session.worker, count, change.now());
 }
 
 void WorkerRegistry::begin_draining(Session session) {
   FarmChange change(farm_);
   if (session_worker(change, session) == nullptr) return;
-  change.scheduler().begin_draining(session.worker);
+  change.scheduler().connections().begin_draining(session.worker);
 }
 
 void WorkerRegistry::return_units(Session session, const std::vector<UnitName>& units) {
   FarmChange change(farm_);
   if (session_worker(change, session) == nullptr) return;
-  change.scheduler().return_units(session.worker, units, change.now());
+  change.scheduler().connections().return_units(session.worker, units, change.now());
 }
 
 void WorkerRegistry::fail_unit(Session session, const Lease& lease, std::int32_t tile,
@@ -153,14 +154,15 @@ void WorkerRegistry::fail_unit(Session session, const Lease& lease, std::int32_t
   }
   change.log(LogLevel::warn, absl::StrCat("worker ", worker->id, ": job ", lease.job_id, ", ", unit,
                                           " failed: ", failure.message));
-  change.scheduler().fail_unit(session.worker, lease, tile, std::move(failure), code, change.now());
+  change.scheduler().failures().fail_unit(session.worker, lease, tile, std::move(failure), code,
+                                          change.now());
 }
 
 void WorkerRegistry::scene_loaded(Session session, const std::string& job_id,
                                   const SceneLoad& load) {
   FarmChange change(farm_);
   if (session_worker(change, session) == nullptr) return;
-  change.scheduler().scene_loaded(session.worker, job_id, load);
+  change.scheduler().connections().scene_loaded(session.worker, job_id, load);
 }
 
 void WorkerRegistry::take_log_lines(Session session, const std::vector<LogLine>& lines) {
@@ -180,14 +182,14 @@ void WorkerRegistry::take_log_lines(Session session, const std::vector<LogLine>&
 Outbox WorkerRegistry::take_outbox(Session session) {
   FarmChange change(farm_);
   if (!is_open(change, session)) return {};
-  Worker* worker = change.scheduler().find_worker(session.worker);
+  Worker* worker = change.scheduler().workers().find(session.worker);
   return worker == nullptr ? Outbox{} : std::exchange(worker->outbox, Outbox{});
 }
 
 std::vector<std::pair<Worker, double>> WorkerRegistry::list() const {
   const FarmView view(farm_);
   std::vector<std::pair<Worker, double>> workers;
-  for (const auto& [key, worker] : view.scheduler().workers()) {
+  for (const auto& [key, worker] : view.scheduler().workers().all()) {
     workers.emplace_back(worker, seconds(view.now() - worker.last_contact));
   }
   return workers;
@@ -197,7 +199,7 @@ std::vector<std::pair<Worker, double>> WorkerRegistry::list() const {
 
 absl::Status WorkerRegistry::drain_worker(const std::string& worker_id) {
   FarmChange change(farm_);
-  if (!change.scheduler().drain(worker_id)) return no_such_worker(worker_id);
+  if (!change.scheduler().orders().drain(worker_id)) return no_such_worker(worker_id);
   change.note(EventKind::worker_drained, worker_id, "");
   change.log(LogLevel::info, absl::StrCat("worker ", worker_id, " is draining"));
   return absl::OkStatus();
@@ -212,8 +214,8 @@ absl::Status WorkerRegistry::ban_now(const std::string& worker_id) {
   std::vector<std::string> names;
   {
     FarmChange change(farm_);
-    if (change.scheduler().find_worker(worker_id) == nullptr) return no_such_worker(worker_id);
-    names = change.scheduler().names_to_ban(worker_id);
+    if (change.scheduler().workers().find(worker_id) == nullptr) return no_such_worker(worker_id);
+    names = change.scheduler().quarantine().names_to_ban(worker_id);
   }
   const auto write = [&] {
     absl::Status status;
@@ -224,8 +226,8 @@ absl::Status WorkerRegistry::ban_now(const std::string& worker_id) {
       pipeline_.write_and_tell(write, {0, 0, EventKind::worker_banned, "", "", worker_id, ""});
   if (!written.ok()) return written;
   FarmChange change(farm_);
-  change.scheduler().ban(worker_id);
-  change.scheduler().offer_work(change.now());
+  change.scheduler().quarantine().ban(worker_id);
+  change.scheduler().dispatcher().dispatch_all(change.now());
   change.log(LogLevel::warn, absl::StrCat("worker ", worker_id, " is banned"));
   return absl::OkStatus();
 }
@@ -239,13 +241,13 @@ absl::Status WorkerRegistry::allow_now(const std::string& worker_id) {
   std::vector<std::string> names;
   {
     const FarmView view(farm_);
-    names = view.scheduler().names_to_ban(worker_id);
+    names = view.scheduler().quarantine().names_to_ban(worker_id);
   }
   for (const std::string& name : names) {
     if (absl::Status status = store_.workers().allow_worker(name); !status.ok()) return status;
   }
   FarmChange change(farm_);
-  if (!change.scheduler().allow(worker_id, change.now())) return no_such_worker(worker_id);
+  if (!change.scheduler().orders().allow(worker_id, change.now())) return no_such_worker(worker_id);
   change.note(EventKind::worker_allowed, worker_id, "");
   return absl::OkStatus();
 }

@@ -105,7 +105,7 @@ struct Job {
   SceneKey scene;
   std::string requirement;  // JobSpec::requirement()
   JobState state = JobState::queued;
-  Demand demand = {};  // set by Scheduler::set_demand()
+  Demand demand = {};  // set by JobChanges::set_demand()
   std::string reason;
   /// Set for a job that has failed, or that failures have paused.
   absl::StatusCode failure_code = absl::StatusCode::kOk;
@@ -139,7 +139,7 @@ struct Job {
   double wall_seconds(Time now) const {
     return wall_seconds_before + (running_since ? seconds(now - *running_since) : 0);
   }
-  /// Returns whether units kept failing on independent workers; Scheduler::retry() resumes it.
+  /// Returns whether units kept failing on independent workers; JobLifecycle::retry() resumes it.
   bool is_paused_by_failures() const {
     return state == JobState::paused && failure_code != absl::StatusCode::kOk;
   }
@@ -148,7 +148,7 @@ struct Job {
   bool is_runnable() const {
     if (is_blocked || is_over_budget) return false;
     if (state != JobState::queued && state != JobState::running) return false;
-    if (plan) return plan->waiting_count() > 0;
+    if (plan) return plan->counts().waiting > 0;
     return blocked_frames.size() < static_cast<std::size_t>(frame_count);
   }
   /// Creates the plan if there is none.

@@ -11,16 +11,14 @@ using contract::Unit;
 
 JobPlan::JobPlan(std::vector<std::int32_t> frames, std::int32_t tile_count,
                  std::vector<contract::Pass> passes, bool is_adaptive)
-    : frames_(std::move(frames)),
-      tile_count_(tile_count),
-      passes_(std::move(passes)),
-      is_adaptive_(is_adaptive),
-      unit_count_(static_cast<std::int64_t>(frames_.size()) * tile_count_ * first_passes()),
-      finished_(frames_.size(), false) {}
+    : shape_{std::move(frames), tile_count, std::move(passes), is_adaptive},
+      unit_count_(static_cast<std::int64_t>(shape_.frames.size()) * shape_.tile_count *
+                  shape_.first_passes()),
+      finished_(shape_.frames.size(), false) {}
 
-std::int32_t JobPlan::first_passes() const {
-  const auto all = static_cast<std::int32_t>(passes_.size());
-  return is_adaptive_ ? std::min(contract::kUnconditionalPasses, all) : all;
+std::int32_t PlanShape::first_passes() const {
+  const auto all = static_cast<std::int32_t>(passes.size());
+  return is_adaptive ? std::min(contract::kUnconditionalPasses, all) : all;
 }
 
 InFlight* JobPlan::find_in_flight(const Unit& unit) {
@@ -29,20 +27,20 @@ InFlight* JobPlan::find_in_flight(const Unit& unit) {
 }
 
 std::size_t JobPlan::index_of(std::int32_t frame) const {
-  const auto found = std::lower_bound(frames_.begin(), frames_.end(), frame);
-  if (found == frames_.end() || *found != frame) return frames_.size();
-  return static_cast<std::size_t>(found - frames_.begin());
+  const auto found = std::lower_bound(shape_.frames.begin(), shape_.frames.end(), frame);
+  if (found == shape_.frames.end() || *found != frame) return shape_.frames.size();
+  return static_cast<std::size_t>(found - shape_.frames.begin());
 }
 
 bool JobPlan::contains(const Unit& unit) const {
-  return unit.tile >= 0 && unit.tile < tile_count_ && unit.pass >= 0 &&
-         unit.pass < static_cast<std::int32_t>(passes_.size()) &&
-         index_of(unit.frame) != frames_.size();
+  return unit.tile >= 0 && unit.tile < shape_.tile_count && unit.pass >= 0 &&
+         unit.pass < static_cast<std::int32_t>(shape_.passes.size()) &&
+         index_of(unit.frame) != shape_.frames.size();
 }
 
 bool JobPlan::is_finished(std::int32_t frame) const {
   const std::size_t index = index_of(frame);
-  return index != frames_.size() && finished_[index];
+  return index != shape_.frames.size() && finished_[index];
 }
 
 bool JobPlan::is_committed(const Unit& unit) const {
@@ -56,8 +54,9 @@ bool JobPlan::is_complete(std::int32_t frame) const {
   const auto found = open_.find(frame);
   if (found == open_.end()) return is_finished(frame);
   const FrameBits& bits = found->second;
-  if (is_adaptive_) return bits.final_count == tile_count_ && bits.count == bits.wanted_count;
-  return bits.count == std::int64_t{tile_count_} * first_passes();
+  if (shape_.is_adaptive)
+    return bits.final_count == shape_.tile_count && bits.count == bits.wanted_count;
+  return bits.count == std::int64_t{shape_.tile_count} * shape_.first_passes();
 }
 
 bool JobPlan::is_taken(const Unit& unit) const {
@@ -66,25 +65,25 @@ bool JobPlan::is_taken(const Unit& unit) const {
 
 /// Returns whether the unit is planned and neither committed nor in flight.
 bool JobPlan::is_waiting(const Unit& unit) const {
-  if (unit.pass >= first_passes()) return returned_.count(position(unit)) > 0;
+  if (unit.pass >= shape_.first_passes()) return returned_.count(position(unit)) > 0;
   return !is_taken(unit);
 }
 
 Unit JobPlan::at_cursor() const {
-  return {frames_[cursor_frame_], cursor_tile_, cursor_pass_};
+  return {shape_.frames[cursor_frame_], cursor_tile_, cursor_pass_};
 }
 
 void JobPlan::advance_cursor() {
-  if (++cursor_tile_ < tile_count_) return;
+  if (++cursor_tile_ < shape_.tile_count) return;
   cursor_tile_ = 0;
-  if (++cursor_pass_ < first_passes()) return;
+  if (++cursor_pass_ < shape_.first_passes()) return;
   cursor_pass_ = 0;
   ++cursor_frame_;
 }
 
 void JobPlan::skip_taken() {
   while (!cursor_at_end()) {
-    if (finished_[cursor_frame_] || is_held_back(frames_[cursor_frame_])) {
+    if (finished_[cursor_frame_] || is_held_back(shape_.frames[cursor_frame_])) {
       ++cursor_frame_;
       cursor_pass_ = cursor_tile_ = 0;
     } else if (is_taken(at_cursor())) {
@@ -98,7 +97,7 @@ void JobPlan::skip_taken() {
 Run JobPlan::extend_run(const Unit& first, std::int32_t max_tiles,
                         const std::function<bool(const Unit&)>& may_take) const {
   Run run{first.frame, first.pass, first.tile, 1};
-  while (run.tile_count < max_tiles && run.first_tile + run.tile_count < tile_count_) {
+  while (run.tile_count < max_tiles && run.first_tile + run.tile_count < shape_.tile_count) {
     const Unit next{first.frame, run.first_tile + run.tile_count, first.pass};
     if (!is_waiting(next) || !may_take(next)) break;
     ++run.tile_count;
@@ -131,7 +130,7 @@ std::optional<Run> JobPlan::next_run(std::int32_t max_tiles,
 /// Returns the number of units of the frame that are neither committed nor in flight.
 std::int64_t JobPlan::waiting_of(std::int32_t frame) const {
   if (is_finished(frame)) return 0;
-  std::int64_t count = std::int64_t{tile_count_} * first_passes();
+  std::int64_t count = std::int64_t{shape_.tile_count} * shape_.first_passes();
   if (const auto found = open_.find(frame); found != open_.end()) {
     if (found->second.wanted_count > 0) count = found->second.wanted_count;
     count -= found->second.count;
@@ -167,11 +166,11 @@ void JobPlan::hold_back(std::int32_t frame, bool is_held_back) {
 
 JobPlan::FrameBits& JobPlan::open_frame(std::int32_t frame) {
   FrameBits& bits = open_[frame];
-  bits.committed.resize(passes_.size());
-  if (is_adaptive_ && bits.wanted.empty()) {
-    bits.wanted.resize(static_cast<std::size_t>(tile_count_), first_passes());
-    bits.is_final.resize(static_cast<std::size_t>(tile_count_), false);
-    bits.wanted_count = std::int64_t{tile_count_} * first_passes();
+  bits.committed.resize(shape_.passes.size());
+  if (shape_.is_adaptive && bits.wanted.empty()) {
+    bits.wanted.resize(static_cast<std::size_t>(shape_.tile_count), shape_.first_passes());
+    bits.is_final.resize(static_cast<std::size_t>(shape_.tile_count), false);
+    bits.wanted_count = std::int64_t{shape_.tile_count} * shape_.first_passes();
   }
   return bits;
 }
@@ -195,7 +194,8 @@ void JobPlan::set_pass_target(std::int32_t frame, std::int32_t tile, std::int32_
 
 /// A unit with a valid seal was planned, even if the film has not repeated that since a restart.
 void JobPlan::include_in_targets(const Unit& unit) {
-  if (unit.pass >= first_passes()) set_pass_target(unit.frame, unit.tile, unit.pass + 1, false);
+  if (unit.pass >= shape_.first_passes())
+    set_pass_target(unit.frame, unit.tile, unit.pass + 1, false);
 }
 
 void JobPlan::hold(const Unit& unit, const Holder& holder) {
@@ -226,7 +226,7 @@ std::vector<Holder> JobPlan::commit(const Unit& unit) {
   include_in_targets(unit);
   FrameBits& frame = open_frame(unit.frame);
   auto& bits = frame.committed[static_cast<std::size_t>(unit.pass)];
-  if (bits.empty()) bits.resize(static_cast<std::size_t>(tile_count_), false);
+  if (bits.empty()) bits.resize(static_cast<std::size_t>(shape_.tile_count), false);
   bits[static_cast<std::size_t>(unit.tile)] = true;
   ++frame.count;
   ++committed_count_;
@@ -254,10 +254,10 @@ void JobPlan::redo(const Unit& unit) {
 std::vector<std::pair<Unit, Holder>> JobPlan::reset_pass_targets(std::int32_t frame) {
   std::vector<std::pair<Unit, Holder>> gone;
   const auto found = open_.find(frame);
-  if (!is_adaptive_ || found == open_.end()) return gone;
+  if (!shape_.is_adaptive || found == open_.end()) return gone;
   FrameBits& bits = found->second;
   const auto is_gone = [&](std::int32_t of_frame, std::int32_t pass) {
-    return of_frame == frame && pass >= first_passes();
+    return of_frame == frame && pass >= shape_.first_passes();
   };
   for (auto it = in_flight_.begin(); it != in_flight_.end();) {
     if (is_gone(it->first.frame, it->first.pass)) {
@@ -269,13 +269,14 @@ std::vector<std::pair<Unit, Holder>> JobPlan::reset_pass_targets(std::int32_t fr
   }
   std::erase_if(returned_,
                 [&](const Position& p) { return is_gone(std::get<0>(p), std::get<1>(p)); });
-  for (auto pass = static_cast<std::size_t>(first_passes()); pass < bits.committed.size(); ++pass) {
+  for (auto pass = static_cast<std::size_t>(shape_.first_passes()); pass < bits.committed.size();
+       ++pass) {
     const auto count = std::count(bits.committed[pass].begin(), bits.committed[pass].end(), true);
     bits.count -= count;
     committed_count_ -= count;
     bits.committed[pass].clear();
   }
-  unit_count_ -= bits.wanted_count - std::int64_t{tile_count_} * first_passes();
+  unit_count_ -= bits.wanted_count - std::int64_t{shape_.tile_count} * shape_.first_passes();
   bits.wanted.clear();
   bits.is_final.clear();
   bits.wanted_count = 0;
@@ -287,12 +288,12 @@ std::vector<std::pair<Unit, Holder>> JobPlan::reset_pass_targets(std::int32_t fr
 
 void JobPlan::finish(std::int32_t frame, std::optional<std::int64_t> unit_count) {
   const std::size_t index = index_of(frame);
-  if (index == frames_.size() || finished_[index]) return;
-  const std::int64_t first = std::int64_t{tile_count_} * first_passes();
+  if (index == shape_.frames.size() || finished_[index]) return;
+  const std::int64_t first = std::int64_t{shape_.tile_count} * shape_.first_passes();
   std::int64_t counted = 0, wanted = first;
   if (const auto found = open_.find(frame); found != open_.end()) {
     counted = found->second.count;
-    if (is_adaptive_ && found->second.wanted_count > 0) wanted = found->second.wanted_count;
+    if (shape_.is_adaptive && found->second.wanted_count > 0) wanted = found->second.wanted_count;
     open_.erase(found);
   }
   finished_[index] = true;
@@ -321,10 +322,12 @@ void JobPlan::plan_known_passes() {
 std::vector<std::pair<Unit, Holder>> JobPlan::extend(std::vector<contract::Pass> passes,
                                                      bool is_adaptive) {
   std::size_t same = 0;
-  while (same < passes_.size() && same < passes.size() && passes_[same] == passes[same]) ++same;
-  passes_ = std::move(passes);
-  is_adaptive_ = is_adaptive;
-  unit_count_ = static_cast<std::int64_t>(frames_.size()) * tile_count_ * first_passes();
+  while (same < shape_.passes.size() && same < passes.size() && shape_.passes[same] == passes[same])
+    ++same;
+  shape_.passes = std::move(passes);
+  shape_.is_adaptive = is_adaptive;
+  unit_count_ =
+      static_cast<std::int64_t>(shape_.frames.size()) * shape_.tile_count * shape_.first_passes();
   std::vector<std::pair<Unit, Holder>> gone;
   const auto is_gone = [&](std::int32_t pass) { return static_cast<std::size_t>(pass) >= same; };
   for (auto it = in_flight_.begin(); it != in_flight_.end();) {
@@ -339,8 +342,8 @@ std::vector<std::pair<Unit, Holder>> JobPlan::extend(std::vector<contract::Pass>
   for (auto& [number, frame] : open_) {
     FrameBits kept;
     kept.committed = std::move(frame.committed);
-    kept.committed.resize(passes_.size());
-    for (std::size_t pass = 0; pass < passes_.size(); ++pass) {
+    kept.committed.resize(shape_.passes.size());
+    for (std::size_t pass = 0; pass < shape_.passes.size(); ++pass) {
       auto& bits = kept.committed[pass];
       if (pass >= same) bits.clear();
       kept.count += std::count(bits.begin(), bits.end(), true);
@@ -348,10 +351,10 @@ std::vector<std::pair<Unit, Holder>> JobPlan::extend(std::vector<contract::Pass>
     committed_count_ += kept.count;
     frame = std::move(kept);
   }
-  finished_.assign(frames_.size(), false);
+  finished_.assign(shape_.frames.size(), false);
   finished_count_ = 0;
   returned_.clear();
-  if (is_adaptive_) plan_known_passes();
+  if (shape_.is_adaptive) plan_known_passes();
   cursor_frame_ = 0;
   cursor_pass_ = cursor_tile_ = 0;
   for (const auto& [frame, waiting] : held_back_) recount(frame);

@@ -41,6 +41,26 @@ struct Run {
   std::int32_t frame = 0, pass = 0, first_tile = 0, tile_count = 0;
 };
 
+/// Frames, tiles and passes of a job.
+struct PlanShape {
+  std::vector<std::int32_t> frames;  // sorted, without duplicates
+  std::int32_t tile_count = 0;
+  std::vector<contract::Pass> passes;
+  bool is_adaptive = false;
+
+  std::int32_t frame_count() const { return static_cast<std::int32_t>(frames.size()); }
+  /// Number of passes planned for every tile from the start.
+  std::int32_t first_passes() const;
+};
+
+/// How many units of a job there are.
+struct UnitCounts {
+  std::int64_t planned = 0;  // so far
+  std::int64_t committed = 0;
+  std::int64_t in_flight = 0;
+  std::int64_t waiting = 0;  // neither committed nor in flight nor of a frame that is held back
+};
+
 /// Tracks which units of a job are waiting, in flight or committed.
 ///
 /// Units are leased frame by frame, within a frame pass by pass, and within a pass along the curve,
@@ -54,22 +74,13 @@ class JobPlan {
   JobPlan(std::vector<std::int32_t> frames, std::int32_t tile_count,
           std::vector<contract::Pass> passes, bool is_adaptive = false);
 
-  /// Number of passes planned for every tile from the start.
-  std::int32_t first_passes() const;
-  /// Units planned so far.
-  std::int64_t unit_count() const { return unit_count_; }
-  std::int64_t committed_count() const { return committed_count_; }
-  bool is_adaptive() const { return is_adaptive_; }
-  std::int64_t in_flight_count() const { return static_cast<std::int64_t>(in_flight_.size()); }
-  /// Units that may be leased: neither committed nor in flight nor of a frame that is held back.
-  std::int64_t waiting_count() const {
-    return unit_count() - committed_count_ - in_flight_count() - held_back_count_;
+  const PlanShape& shape() const { return shape_; }
+  UnitCounts counts() const {
+    const auto in_flight_count = static_cast<std::int64_t>(in_flight_.size());
+    return {unit_count_, committed_count_, in_flight_count,
+            unit_count_ - committed_count_ - in_flight_count - held_back_count_};
   }
-  std::int32_t frame_count() const { return static_cast<std::int32_t>(frames_.size()); }
   std::int32_t finished_frame_count() const { return finished_count_; }
-  std::int32_t tile_count() const { return tile_count_; }
-  const std::vector<std::int32_t>& frames() const { return frames_; }
-  const std::vector<contract::Pass>& passes() const { return passes_; }
   const std::map<contract::Unit, InFlight>& in_flight() const { return in_flight_; }
   InFlight* find_in_flight(const contract::Unit& unit);
 
@@ -146,16 +157,13 @@ class JobPlan {
   void include_in_targets(const contract::Unit& unit);
   void plan_known_passes();
   contract::Unit at_cursor() const;
-  bool cursor_at_end() const { return cursor_frame_ == frames_.size(); }
+  bool cursor_at_end() const { return cursor_frame_ == shape_.frames.size(); }
   void skip_taken();
   void advance_cursor();
   Run extend_run(const contract::Unit& first, std::int32_t max_tiles,
                  const std::function<bool(const contract::Unit&)>& may_take) const;
 
-  std::vector<std::int32_t> frames_;
-  std::int32_t tile_count_;
-  std::vector<contract::Pass> passes_;
-  bool is_adaptive_;
+  PlanShape shape_;
   std::int64_t unit_count_;
   std::vector<bool> finished_;  // by index of the frame
   std::int32_t finished_count_ = 0;

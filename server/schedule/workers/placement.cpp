@@ -22,4 +22,13 @@ void Placement::set_aside(const std::string& worker_id, const std::string& reaso
   aside_[worker_id] = reason;
 }
 
+void Placement::place(Worker& worker) const {
+  worker.pool = pool_of(worker.id, worker.own_pool);
+  worker.serves = {requirement(worker.pool, "")};
+  for (const std::string& tag : worker.tags) worker.serves.insert(requirement(worker.pool, tag));
+  const auto aside = aside_.find(worker.id);
+  worker.set_aside = aside != aside_.end();
+  worker.note = worker.set_aside ? aside->second : "";
+}
+
 }  // namespace tessera::server

@@ -3,6 +3,8 @@
 #include <map>
 #include <string>
 
+#include "server/schedule/workers/worker.h"
+
 namespace tessera::server {
 
 /// The decisions of operators about workers, present or not: their pools, and which of them are set
@@ -22,6 +24,10 @@ class Placement {
   void bring_back(const std::string& worker_id) { aside_.erase(worker_id); }
   /// Reasons of the workers that are set aside.
   const ByWorker& aside() const { return aside_; }
+
+  /// Determines where a worker that is not counted belongs: its pool, and so which jobs it may be
+  /// leased; whether it is set aside.
+  void place(Worker& worker) const;
 
  private:
   ByWorker moved_, aside_;

@@ -140,7 +140,7 @@ absl::StatusOr<Outcome> render_by_error(const SeededRenderer& renderer,
   for (std::int32_t tile = 0; tile < grid.tile_count(); ++tile) {
     const auto sum = film.tile(key, tile);
     if (!sum.ok()) return sum.status();
-    statistics.dropped_samples += sum->dropped_count();
+    statistics.dropped_samples += sum->losses().dropped_count;
     testing::put_tile(*sum, grid.rect(tile), width, image);
   }
   if (options.settings.denoise) {

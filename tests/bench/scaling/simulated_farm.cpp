@@ -70,7 +70,7 @@ class SimulatedFarm {
       : measured_(measured),
         farm_(farm),
         scheduler_({"store", "key", 1}, policy(), {}, now_),
-        job_(scheduler_.add_job(1, spec_of(planned), JobState::queued)) {}
+        job_(scheduler_.changes().add_job(1, spec_of(planned), JobState::queued)) {}
 
   Simulated run() {
     connect_workers();
@@ -90,7 +90,7 @@ class SimulatedFarm {
     result.tail_seconds = first_idle_ ? server::seconds(end - *first_idle_) : 0;
     result.merge_busy = film_.busy() / result.wall_seconds;
     result.ingest_busy = std::max(line_.busy(), store_.busy()) / result.wall_seconds;
-    result.units = job_.plan->committed_count();
+    result.units = job_.plan->counts().committed;
     result.copies = leased_ - result.units;
     return result;
   }
@@ -152,11 +152,11 @@ class SimulatedFarm {
     hello.worker_id = "w" + std::to_string(workers_.size());
     hello.host = hello.worker_id;
     hello.credit_count = credits_;
-    workers_[scheduler_.connect(hello, now_)];
+    workers_[scheduler_.connections().connect(hello, now_)];
   }
 
   bool is_over() const {
-    return job_.plan && job_.plan->committed_count() == job_.plan->unit_count();
+    return job_.plan && job_.plan->counts().committed == job_.plan->counts().planned;
   }
 
   void handle(const Event& event) {
@@ -165,7 +165,7 @@ class SimulatedFarm {
     switch (event.kind) {
       case Kind::tick:
         for (const auto& [key, worker] : workers_) {
-          if (!worker.is_dead) scheduler_.record_contact(key, now_);
+          if (!worker.is_dead) scheduler_.connections().record_contact(key, now_);
         }
         scheduler_.tick(now_, kTick);
         push(now_ + kTick, 0, Kind::tick, {});
@@ -184,7 +184,7 @@ class SimulatedFarm {
         commit(event.worker, event.unit);
         break;
       case Kind::credit:
-        scheduler_.grant_credits(event.worker, 1, now_);
+        scheduler_.connections().grant_credits(event.worker, 1, now_);
         break;
       case Kind::death:
         workers_[event.worker].is_dead = true;
@@ -195,7 +195,7 @@ class SimulatedFarm {
 
   double seconds_of(const Unit& unit) const {
     const std::vector<double>& tiles = measured_.sample_seconds;
-    const contract::Pass& pass = job_.plan->passes()[static_cast<std::size_t>(unit.pass)];
+    const contract::Pass& pass = job_.plan->shape().passes[static_cast<std::size_t>(unit.pass)];
     return tiles[scramble(unit) % tiles.size()] * pass.sample_count;
   }
 
@@ -205,7 +205,7 @@ class SimulatedFarm {
     const Unit unit = worker.waiting.front();
     worker.waiting.pop_front();
     worker.is_busy = true;
-    scheduler_.heartbeat(key, {{"job", unit}}, 0, now_);
+    scheduler_.connections().heartbeat(key, {{"job", unit}}, 0, now_);
     push(now_ + span_of(seconds_of(unit)), key, Kind::finish, unit);
   }
 
@@ -218,17 +218,17 @@ class SimulatedFarm {
                          span_of(farm_.durable_after_seconds);
     push(durable, key, Kind::committed, unit);
     start_next(key);
-    if (!workers_[key].is_busy && job_.plan->waiting_count() == 0 && !first_idle_) {
+    if (!workers_[key].is_busy && job_.plan->counts().waiting == 0 && !first_idle_) {
       first_idle_ = now_;
     }
   }
 
   void commit(WorkerKey key, const Unit& unit) {
-    const std::string& id = scheduler_.find_worker(key)->id;
+    const std::string& id = scheduler_.workers().find(key)->id;
     if (job_.plan->is_committed(unit)) {
-      scheduler_.release_duplicate(job_, unit, id);
+      scheduler_.results().release_duplicate(job_, unit, id);
     } else {
-      scheduler_.commit(job_, unit, id, seconds_of(unit));
+      scheduler_.results().commit(job_, unit, id, seconds_of(unit));
       unit_seconds_ += seconds_of(unit);
       film_.serve(now_, measured_.merge_seconds);
     }
@@ -239,9 +239,9 @@ class SimulatedFarm {
   void deliver_mail() {
     const Time there = now_ + span_of(farm_.round_trip_seconds / 2);
     const server::Effects effects = scheduler_.take_effects();
-    for (const WorkerKey key : effects.to_close) scheduler_.disconnect(key);
+    for (const WorkerKey key : effects.to_close) scheduler_.connections().disconnect(key);
     for (const WorkerKey key : effects.to_wake) {
-      server::Worker* worker = scheduler_.find_worker(key);
+      server::Worker* worker = scheduler_.workers().find(key);
       if (worker == nullptr) continue;  // it has died
       const Outbox outbox = std::exchange(worker->outbox, Outbox{});
       for (const server::UnitName& name : outbox.revoked) push(there, key, Kind::revoke, name.unit);
@@ -261,7 +261,7 @@ class SimulatedFarm {
     if (found == worker.waiting.end()) return;
     worker.waiting.erase(found);
     --leased_;
-    scheduler_.return_units(key, {{"job", unit}}, now_);
+    scheduler_.connections().return_units(key, {{"job", unit}}, now_);
     push(now_ + span_of(farm_.round_trip_seconds), key, Kind::credit, unit);
   }
 

@@ -67,7 +67,7 @@ class FilmCacheTest : public ::testing::Test {
       tile.albedo(pixel, xyz);
       values.insert(values.end(), xyz, xyz + 3);
     }
-    values.insert(values.end(), tile.depth().begin(), tile.depth().end());
+    values.insert(values.end(), tile.first_sample().depth.begin(), tile.first_sample().depth.end());
     return values;
   }
   std::vector<float> all_pixels(FilmCache& cache, bool take = true) {

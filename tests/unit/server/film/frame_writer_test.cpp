@@ -179,9 +179,9 @@ TEST_F(FrameWriterTest, EveryLayerRoundTripsExactly) {
       tile.traversal_cost(pixel, xyz);
       ASSERT_EQ(image.at(i, "traversal-cost.rays"), xyz[0]);
       ASSERT_EQ(image.at(i, "traversal-cost.primitives"), xyz[2]);
-      ASSERT_EQ(image.at(i, "depth.Z"), tile.depth()[p]);
-      ASSERT_EQ(image.at(i, "position.Y"), tile.position()[3 * p + 1]);
-      ASSERT_EQ(image.ids[i], tile.ids()[3 * p]);
+      ASSERT_EQ(image.at(i, "depth.Z"), tile.first_sample().depth[p]);
+      ASSERT_EQ(image.at(i, "position.Y"), tile.first_sample().position[3 * p + 1]);
+      ASSERT_EQ(image.ids[i], tile.first_sample().ids[3 * p]);
     }
   }
   EXPECT_EQ(image.spec.channelformat(image.spec.channelindex("samples")), OIIO::TypeDesc::UINT32);

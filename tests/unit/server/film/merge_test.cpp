@@ -55,7 +55,7 @@ TEST(TileSum, DroppedSamplesAreExcludedFromMean) {
   ASSERT_TRUE(tile.add(block, {0, 8}).ok());
   EXPECT_EQ(red_of(tile), 1.0f);  // 7 ÷ 7
   EXPECT_EQ(tile.kept(0), 7);
-  EXPECT_EQ(tile.dropped_count(), 1);
+  EXPECT_EQ(tile.losses().dropped_count, 1);
   float error[3];
   tile.standard_error(0, error);
   EXPECT_EQ(error[0], 0.0f) << "each replicate's mean divides by what it kept";
@@ -117,9 +117,9 @@ TEST(TileSum, AovMeansCoverHitsOnly) {
   EXPECT_EQ(xyz[2], 0.75f);
   tile.normal(0, xyz);
   EXPECT_EQ(xyz[1], -0.5f);
-  EXPECT_EQ(tile.depth()[0], 7.0f);
-  EXPECT_EQ(tile.position()[2], 3.0f);
-  EXPECT_EQ(tile.ids()[0], 4000000001u);
+  EXPECT_EQ(tile.first_sample().depth[0], 7.0f);
+  EXPECT_EQ(tile.first_sample().position[2], 3.0f);
+  EXPECT_EQ(tile.first_sample().ids[0], 4000000001u);
 }
 
 TEST(TileSum, AovWithoutHitsIsZero) {

@@ -68,7 +68,7 @@ TEST(Cost, FullJobsAreNotWalked) {
   }
   const WorkerKey idle = farm.connect("idle", {.threads = 1, .credits = 1});
   EXPECT_TRUE(farm.leased(idle).empty());
-  EXPECT_LE(steps(farm, [&] { farm.scheduler.grant_credits(idle, 1, farm.now); }), 4);
+  EXPECT_LE(steps(farm, [&] { farm.scheduler.connections().grant_credits(idle, 1, farm.now); }), 4);
 }
 
 TEST(Cost, ReturningWorkersCostLinearWork) {
@@ -105,7 +105,7 @@ TEST(Cost, WorkersThatKeepLeasesCostLinearWork) {
     for (const UnitName& unit : back[index].running) {
       back[index].leases.push_back(farm.leases.at({workers[index], unit}));
     }
-    farm.scheduler.disconnect(workers[index]);
+    farm.scheduler.connections().disconnect(workers[index]);
   }
   const std::int64_t count = steps(farm, [&] {
     for (int i = 0; i < kWorkers; ++i) {
@@ -123,14 +123,14 @@ TEST(Cost, AuditsOfOthersAreNotWalked) {
   ASSERT_EQ(units.size(), 1000u);
   for (const UnitName& unit : units) {
     farm.commit(worker, unit);
-    farm.scheduler.open_audit(job, unit.unit, "w1", contract::sha256("x"));
+    farm.scheduler.audits().open_audit(job, unit.unit, "w1", contract::sha256("x"));
   }
   const WorkerKey plain = farm.connect("w2", {.threads = 1, .credits = 1});
   EXPECT_TRUE(farm.leased(plain).empty());
   EXPECT_LE(steps(farm,
                   [&] {
-                    farm.scheduler.grant_credits(worker, 1, farm.now);
-                    farm.scheduler.grant_credits(plain, 1, farm.now);
+                    farm.scheduler.connections().grant_credits(worker, 1, farm.now);
+                    farm.scheduler.connections().grant_credits(plain, 1, farm.now);
                   }),
             8);
 }
@@ -140,20 +140,21 @@ TEST(Cost, AuditsOfOthersAreNotWalked) {
 TEST(WaitReason, NamesWhatTheJobWaitsFor) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 40});
-  EXPECT_EQ(farm.scheduler.wait_reason(job), WaitReason::no_workers);
+  EXPECT_EQ(farm.scheduler.waiting().wait_reason(job), WaitReason::no_workers);
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 1});
-  EXPECT_EQ(farm.scheduler.wait_reason(job), WaitReason::none);
+  EXPECT_EQ(farm.scheduler.waiting().wait_reason(job), WaitReason::none);
   Job& tagged = farm.add_job({.tiles = 1, .tag = "big"});
-  EXPECT_EQ(farm.scheduler.wait_text(tagged), "no connected worker has tag big");
-  EXPECT_EQ(farm.scheduler.wait_reason(farm.add_job({.tiles = 1})), WaitReason::older_job);
+  EXPECT_EQ(farm.scheduler.waiting().wait_text(tagged), "no connected worker has tag big");
+  EXPECT_EQ(farm.scheduler.waiting().wait_reason(farm.add_job({.tiles = 1})),
+            WaitReason::older_job);
   Job& of_ben = farm.add_job({.tiles = 1, .owner = "ben"});
   farm.complete(worker, farm.leased(worker).at(0), 1);
   farm.scheduler.take_effects();
-  EXPECT_EQ(farm.scheduler.wait_reason(of_ben), WaitReason::farm_busy);
+  EXPECT_EQ(farm.scheduler.waiting().wait_reason(of_ben), WaitReason::farm_busy);
   farm.add_job({.tiles = 1, .priority = 1});
-  EXPECT_EQ(farm.scheduler.wait_reason(of_ben), WaitReason::priority);
-  ASSERT_TRUE(farm.scheduler.pause(of_ben, "asked", farm.now).ok());
-  EXPECT_EQ(farm.scheduler.wait_reason(of_ben), WaitReason::none);
+  EXPECT_EQ(farm.scheduler.waiting().wait_reason(of_ben), WaitReason::priority);
+  ASSERT_TRUE(farm.scheduler.lifecycle().pause(of_ben, "asked", farm.now).ok());
+  EXPECT_EQ(farm.scheduler.waiting().wait_reason(of_ben), WaitReason::none);
 }
 
 TEST(WaitReason, SayThatAnotherOwnerHasUsedLess) {
@@ -165,21 +166,21 @@ TEST(WaitReason, SayThatAnotherOwnerHasUsedLess) {
   Job& of_ann = farm.add_job({.tiles = 40, .owner = "ann"});
   farm.complete(worker, farm.leased(worker).at(0), 1);
   farm.scheduler.take_effects();
-  EXPECT_EQ(farm.scheduler.wait_reason(of_ann), WaitReason::share);
+  EXPECT_EQ(farm.scheduler.waiting().wait_reason(of_ann), WaitReason::share);
 }
 
 TEST(Demand, RemovedJobLeavesThatOfOthers) {
   SchedulerHarness farm;
   for (int i = 0; i < 3; ++i) farm.queue_job({.tiles = 4});
-  farm.scheduler.remove_job(1);
-  EXPECT_EQ(farm.scheduler.demand("ann").jobs, 2);
+  farm.scheduler.lifecycle().remove_job(1);
+  EXPECT_EQ(farm.scheduler.jobs().demand("ann").jobs, 2);
 }
 
 TEST(Contribution, RestoredPartsAddUp) {
   SchedulerHarness farm;
   Job& job = farm.queue_job({.tiles = 4});
-  farm.scheduler.restore_contribution(job, "w1", {2, 3});
-  farm.scheduler.restore_contribution(job, "w1", {1, 4});
+  farm.scheduler.results().restore_contribution(job, "w1", {2, 3});
+  farm.scheduler.results().restore_contribution(job, "w1", {1, 4});
   EXPECT_EQ(job.contributions.at("w1").units, 3);
   EXPECT_EQ(job.contributions.at("w1").cpu_seconds, 7);
   EXPECT_EQ(job.counters.cpu_seconds, 7);
@@ -189,7 +190,7 @@ TEST(WaitReason, RestartWaitsForKnownWorkers) {
   SchedulerHarness farm({"w1", "w2"});
   Job& job = farm.add_job({.tiles = 4});
   farm.connect("w1");
-  EXPECT_EQ(farm.scheduler.wait_reason(job), WaitReason::restart);
+  EXPECT_EQ(farm.scheduler.waiting().wait_reason(job), WaitReason::restart);
 }
 
 TEST(WaitReason, RestartEndsWithItsGrace) {
@@ -199,8 +200,8 @@ TEST(WaitReason, RestartEndsWithItsGrace) {
   farm.connect("w1", {.threads = 1, .credits = 1});
   farm.now += SchedulePolicy().restart_grace;
   farm.connect("w3", {.threads = 1, .credits = 1});  // before a timer runs
-  farm.scheduler.offer_work(farm.now);
-  EXPECT_EQ(farm.scheduler.wait_reason(job), WaitReason::farm_busy);
+  farm.scheduler.dispatcher().dispatch_all(farm.now);
+  EXPECT_EQ(farm.scheduler.waiting().wait_reason(job), WaitReason::farm_busy);
 }
 
 }  // namespace

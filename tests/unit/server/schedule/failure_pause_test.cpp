@@ -60,14 +60,14 @@ TEST_F(FailurePause, ListsWorkersUnitsAndMessages) {
 
 TEST_F(FailurePause, PauseByUserKeepsReason) {
   const std::string reason = job.reason;
-  ASSERT_TRUE(farm.scheduler.pause(job, "paused by the user", farm.now).ok());
+  ASSERT_TRUE(farm.scheduler.lifecycle().pause(job, "paused by the user", farm.now).ok());
   EXPECT_EQ(job.reason, reason);
   EXPECT_TRUE(job.is_paused_by_failures());
 }
 
 TEST_F(FailurePause, UnitsInFlightStillCommit) {
   ASSERT_EQ(held.size(), 1u);
-  ASSERT_EQ(job.plan->in_flight_count(), 1) << "only that of the slow worker";
+  ASSERT_EQ(job.plan->counts().in_flight, 1) << "only that of the slow worker";
   farm.complete(slow, held[0]);
   EXPECT_TRUE(job.plan->is_committed(held[0].unit));
   EXPECT_TRUE(job.is_paused_by_failures());
@@ -88,11 +88,11 @@ TEST_F(FailurePause, LaterFailureIsListedOnce) {
 TEST_F(FailurePause, RetryAndResumeStartAgainWithoutFailures) {
   for (const bool with_resume : {false, true}) {
     if (with_resume) {
-      ASSERT_TRUE(farm.scheduler.pause(job, "asked", farm.now).ok());
+      ASSERT_TRUE(farm.scheduler.lifecycle().pause(job, "asked", farm.now).ok());
       job.failure_code = absl::StatusCode::kInternal;  // as if failures had paused it
-      ASSERT_TRUE(farm.scheduler.resume(job, farm.now).ok());
+      ASSERT_TRUE(farm.scheduler.lifecycle().resume(job, farm.now).ok());
     } else {
-      ASSERT_TRUE(farm.scheduler.retry(job, farm.now).ok());
+      ASSERT_TRUE(farm.scheduler.lifecycle().retry(job, farm.now).ok());
     }
     EXPECT_EQ(job.state, JobState::running);
     EXPECT_EQ(job.failure_code, absl::StatusCode::kOk);
@@ -103,7 +103,7 @@ TEST_F(FailurePause, RetryAndResumeStartAgainWithoutFailures) {
 }
 
 TEST_F(FailurePause, CancelForgetsFailures) {
-  ASSERT_TRUE(farm.scheduler.cancel(job, farm.now).ok());
+  ASSERT_TRUE(farm.scheduler.lifecycle().cancel(job, farm.now).ok());
   EXPECT_EQ(job.failure_code, absl::StatusCode::kOk);
   EXPECT_TRUE(job.failed_attempts.empty());
 }

@@ -102,20 +102,20 @@ class SharedFarm {
     double seconds = 0;
   };
   void serve(WorkerKey worker, const std::map<std::string, double>& cost) {
-    farm.scheduler.record_contact(worker, farm.now);
+    farm.scheduler.connections().record_contact(worker, farm.now);
     auto& rendering = rendering_[worker];
     if (!rendering.unit.job_id.empty() && farm.now >= rendering.until) {
-      const Job& job = *farm.scheduler.find_job(rendering.unit.job_id);
+      const Job& job = *farm.scheduler.jobs().find(rendering.unit.job_id);
       spent[job.spec->owner] += rendering.seconds;
       const UnitName done = std::exchange(rendering, {}).unit;
       farm.complete(worker, done, cost.at(job.spec->owner));
     }
     for (const UnitName& unit : farm.leased(worker)) {
-      const std::string owner = farm.scheduler.find_job(unit.job_id)->spec->owner;
+      const std::string owner = farm.scheduler.jobs().find(unit.job_id)->spec->owner;
       const double seconds = cost.at(owner);
       rendering = {unit, farm.now + std::chrono::milliseconds(static_cast<int>(1000 * seconds)),
                    seconds};
-      farm.scheduler.scene_loaded(worker, unit.job_id, {0, 0});
+      farm.scheduler.connections().scene_loaded(worker, unit.job_id, {0, 0});
       if (last_leased.count(owner) > 0) {
         longest[owner] = std::max(longest[owner], farm.now - last_leased[owner]);
       }
@@ -146,7 +146,7 @@ TEST(FairShare, TwentyTenantsGetTheirShares) {
       for (int k = 0; k < 800; ++k) farm.farm.queue_job({.tiles = 1 + k % 50, .owner = owner});
     }
   }
-  farm.farm.scheduler.offer_work(farm.farm.now);
+  farm.farm.scheduler.dispatcher().dispatch_all(farm.farm.now);
   farm.run(2h, cost);
   for (const auto& [owner, seconds] : farm.spent) {
     const double share = policy.share.weights[owner] / weights;
@@ -165,10 +165,11 @@ TEST(FairShare, ShortJobsInTurnDoNotGoFirst) {
   for (int i = 0; i < 360; ++i) {  // ann always has exactly one short job
     Job& job = farm.farm.add_job({.tiles = 4, .owner = "ann"});
     for (int second = 0;
-         second < 600 && job.plan.value_or(JobPlan({0}, 1, {{}})).committed_count() < 4; ++second) {
+         second < 600 && job.plan.value_or(JobPlan({0}, 1, {{}})).counts().committed < 4;
+         ++second) {
       farm.run(1s, cost);
     }
-    farm.farm.scheduler.finish_frame(job, 0, farm.farm.now);
+    farm.farm.scheduler.results().finish_frame(job, 0, farm.farm.now);
     ASSERT_EQ(job.state, JobState::done);
   }
   EXPECT_LT(farm.spent["ann"], 1.1 * farm.spent["ben"]);
@@ -194,15 +195,15 @@ TEST(FairShare, UseOutlivesJobAndRestart) {
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 1});
   Job& job = farm.add_job({.tiles = 1, .owner = "ann"});
   farm.complete(worker, farm.leased(worker).at(0), 500);
-  farm.scheduler.finish_frame(job, 0, farm.now);
+  farm.scheduler.results().finish_frame(job, 0, farm.now);
   ASSERT_EQ(job.state, JobState::done);
-  const auto table = farm.scheduler.usage(farm.now);
+  const auto table = farm.scheduler.limits().usage(farm.now);
   ASSERT_EQ(table.size(), 1u);
   EXPECT_EQ(table[0].owner, "ann");
   EXPECT_NEAR(table[0].cpu_seconds, 500, 1e-6);
 
   SchedulerHarness restarted({}, policy);
-  restarted.scheduler.restore_usage(table, restarted.now);
+  restarted.scheduler.limits().restore_usage(table, restarted.now);
   restarted.queue_job({.tiles = 1, .owner = "ann"});
   const Job& of_ben = restarted.queue_job({.tiles = 1, .owner = "ben"});
   const WorkerKey other = restarted.connect("w1", {.threads = 1, .credits = 1});
@@ -218,7 +219,7 @@ TEST(FairShare, LowPriorityWaitsNoLongerThanLimit) {
   farm.farm.queue_job({.tiles = 8000, .frames = 10, .priority = -50, .owner = "low"});
   farm.farm.queue_job(
       {.tiles = 8000, .frames = 10, .priority = -60, .owner = "tagged", .tag = "gpu"});
-  farm.farm.scheduler.offer_work(farm.farm.now);
+  farm.farm.scheduler.dispatcher().dispatch_all(farm.farm.now);
   farm.run(1h, cost);
   for (const char* owner : {"low", "tagged"}) {
     EXPECT_GT(farm.spent[owner], 20) << owner;

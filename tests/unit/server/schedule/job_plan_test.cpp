@@ -44,7 +44,7 @@ TEST(JobPlan, LeasesByFramePassAndCurve) {
     }
   }
   EXPECT_EQ(order, expected);
-  EXPECT_EQ(plan.waiting_count(), 0);
+  EXPECT_EQ(plan.counts().waiting, 0);
 }
 
 TEST(JobPlan, RunStaysWithinOnePass) {
@@ -67,10 +67,10 @@ TEST(JobPlan, UnitWaitsOnlyAfterBothHoldersReleaseIt) {
   const Unit unit = take(plan, 1, 1).front();
   plan.hold(unit, Holder{2, {}, std::nullopt, false, 0});
   EXPECT_TRUE(plan.release(unit, 1));
-  EXPECT_EQ(plan.waiting_count(), 0);
+  EXPECT_EQ(plan.counts().waiting, 0);
   EXPECT_FALSE(plan.release(unit, 1)) << "the worker no longer holds it";
   EXPECT_TRUE(plan.release(unit, 2));
-  EXPECT_EQ(plan.waiting_count(), 1);
+  EXPECT_EQ(plan.counts().waiting, 1);
 }
 
 TEST(JobPlan, CommittedUnitsAreSkipped) {
@@ -86,7 +86,7 @@ TEST(JobPlan, FinishedFrameCountsAsCommitted) {
   plan.commit({0, 0, 0});
   plan.finish(0);  // as after a restart: its blocks are gone
   EXPECT_TRUE(plan.is_committed({0, 1, 0}));
-  EXPECT_EQ(plan.committed_count(), 2);
+  EXPECT_EQ(plan.counts().committed, 2);
   EXPECT_EQ(take(plan, 1, 1).front(), (Unit{1, 0, 0}));
 }
 
@@ -95,8 +95,8 @@ TEST(JobPlan, FinishingAgainOrAnotherFrameCountsNothing) {
   plan.finish(0);
   plan.finish(0);
   plan.finish(7);  // not of this job
-  EXPECT_EQ(plan.committed_count(), 2);
-  EXPECT_EQ(plan.unit_count(), 4);
+  EXPECT_EQ(plan.counts().committed, 2);
+  EXPECT_EQ(plan.counts().planned, 4);
 }
 
 TEST(JobPlan, RefusedUnitIsKeptForOthers) {
@@ -115,7 +115,7 @@ TEST(JobPlan, ExtendingKeepsUnchangedPasses) {
   EXPECT_EQ(gone.front().first, (Unit{0, 1, 1}));
   EXPECT_TRUE(plan.is_committed({0, 0, 0}));
   EXPECT_FALSE(plan.is_committed({0, 0, 1})) << "a pass that was cut short";
-  EXPECT_EQ(plan.committed_count(), 1);
+  EXPECT_EQ(plan.counts().committed, 1);
   EXPECT_EQ(take(plan, 1, 1).front(), (Unit{0, 1, 0}));
 }
 
@@ -139,8 +139,8 @@ TEST(JobPlan, RandomOperationsLoseNoUnit) {  // checked against a model
       }
       held.erase(unit);
     }
-    ASSERT_EQ(plan.in_flight_count(), static_cast<std::int64_t>(held.size()));
-    ASSERT_EQ(plan.committed_count(), static_cast<std::int64_t>(committed.size()));
+    ASSERT_EQ(plan.counts().in_flight, static_cast<std::int64_t>(held.size()));
+    ASSERT_EQ(plan.counts().committed, static_cast<std::int64_t>(committed.size()));
   }
   EXPECT_EQ(committed.size(), 3u * 37 * 3);
   EXPECT_TRUE(plan.is_complete(0) && plan.is_complete(1) && plan.is_complete(2));
@@ -148,11 +148,11 @@ TEST(JobPlan, RandomOperationsLoseNoUnit) {  // checked against a model
 
 TEST(JobPlan, OnDemandStartsWithTwoPasses) {
   JobPlan plan({0, 1}, 3, contract::error_schedule(256), true);  // 5 passes
-  EXPECT_EQ(plan.unit_count(), 12);
+  EXPECT_EQ(plan.counts().planned, 12);
   EXPECT_EQ(take(plan, 1, 100).size(), 3u);
   const std::vector<Unit> pass1 = take(plan, 1, 100);
   plan.set_pass_target(0, 1, 3, false);
-  EXPECT_EQ(plan.unit_count(), 13);
+  EXPECT_EQ(plan.counts().planned, 13);
   const std::vector<Unit> asked = take(plan, 1, 100);
   EXPECT_EQ(asked, (std::vector<Unit>{{0, 1, 2}})) << "frame 0 before frame 1";
   EXPECT_EQ(take(plan, 1, 100).front(), (Unit{1, 0, 0}));
@@ -172,30 +172,30 @@ TEST(JobPlan, OnDemandFrameEndsWithLastTilePass) {
   plan.set_pass_target(0, 1, 3, true);
   plan.set_pass_target(0, 1, 3, true);
   EXPECT_TRUE(plan.is_complete(0));
-  EXPECT_EQ(plan.committed_count(), 5);
-  EXPECT_EQ(plan.waiting_count(), 0);
+  EXPECT_EQ(plan.counts().committed, 5);
+  EXPECT_EQ(plan.counts().waiting, 0);
   plan.finish(0);
-  EXPECT_EQ(plan.unit_count(), 5);
-  EXPECT_EQ(plan.committed_count(), 5);
+  EXPECT_EQ(plan.counts().planned, 5);
+  EXPECT_EQ(plan.counts().committed, 5);
 }
 
 TEST(JobPlan, OnDemandLeaseImpliesPassTarget) {
   JobPlan plan({0}, 2, contract::error_schedule(256), true);
   // After a restart a worker still holds a unit of pass 3 before the film has made a decision.
   plan.hold({0, 1, 3}, Holder{1, {}, std::nullopt, false, 0});
-  EXPECT_EQ(plan.unit_count(), 6) << "4, and passes 2 and 3 of tile 1";
-  EXPECT_EQ(plan.in_flight_count(), 1);
+  EXPECT_EQ(plan.counts().planned, 6) << "4, and passes 2 and 3 of tile 1";
+  EXPECT_EQ(plan.counts().in_flight, 1);
   plan.set_pass_target(0, 1, 4, false);
-  EXPECT_EQ(plan.unit_count(), 6) << "known pass targets are not reported again";
+  EXPECT_EQ(plan.counts().planned, 6) << "known pass targets are not reported again";
   ASSERT_TRUE(plan.release({0, 1, 3}, 1));
-  EXPECT_EQ(plan.waiting_count(), 6);
+  EXPECT_EQ(plan.counts().waiting, 6);
 }
 
 TEST(JobPlan, OnDemandFinishedFrameKeepsUnitCount) {
   JobPlan plan({0, 1}, 2, contract::error_schedule(256), true);
   plan.finish(0, 9);  // as read from the journal after a restart
-  EXPECT_EQ(plan.unit_count(), 13);
-  EXPECT_EQ(plan.committed_count(), 9);
+  EXPECT_EQ(plan.counts().planned, 13);
+  EXPECT_EQ(plan.counts().committed, 9);
 }
 
 TEST(JobPlan, OnDemandExtendingKeepsCommittedUnits) {
@@ -203,8 +203,8 @@ TEST(JobPlan, OnDemandExtendingKeepsCommittedUnits) {
   for (const std::int32_t pass : {0, 1, 2}) plan.commit({0, 0, pass});
   plan.commit({0, 1, 0});
   EXPECT_TRUE(plan.extend(contract::error_schedule(256), true).empty());
-  EXPECT_EQ(plan.unit_count(), 5);
-  EXPECT_EQ(plan.committed_count(), 4);
+  EXPECT_EQ(plan.counts().planned, 5);
+  EXPECT_EQ(plan.counts().committed, 4);
   EXPECT_EQ(take(plan, 1, 100), (std::vector<Unit>{{0, 1, 1}}));
 }
 

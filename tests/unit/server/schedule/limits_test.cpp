@@ -37,17 +37,17 @@ TEST(Limits, UseOfRemovedLimitIsStillCounted) {
 }
 
 std::int64_t used(const SchedulerHarness& farm) {
-  return farm.scheduler.limits().all().at("licence").used;
+  return farm.scheduler.limits().table().all().at("licence").used;
 }
 
 TEST(Limits, LeasesOfAllJobsStayWithinLimit) {
   SchedulerHarness farm;
-  farm.scheduler.set_limit("licence", 3, farm.now);
+  farm.scheduler.limits().set_limit("licence", 3, farm.now);
   const WorkerKey one = farm.connect("w1", {.threads = 8, .credits = 8});
   const WorkerKey other = farm.connect("w2", {.threads = 8, .credits = 8});
   farm.queue_job({.tiles = 40, .limits = {{"licence", 1}}});
   farm.queue_job({.tiles = 40, .owner = "ben", .limits = {{"licence", 2}}});
-  farm.scheduler.offer_work(farm.now);
+  farm.scheduler.dispatcher().dispatch_all(farm.now);
   int committed = 0;
   for (int round = 0; round < 200; ++round) {
     EXPECT_LE(used(farm), 3);
@@ -67,18 +67,18 @@ TEST(Limits, LeasesOfAllJobsStayWithinLimit) {
 
 TEST(Limits, JobWithoutRoomLetsOthersPass) {
   SchedulerHarness farm;
-  farm.scheduler.set_limit("licence", 0, farm.now);
+  farm.scheduler.limits().set_limit("licence", 0, farm.now);
   const WorkerKey worker = farm.connect("w1");
   const Job& limited = farm.add_job({.priority = 50, .limits = {{"licence", 1}}});
   const Job& other = farm.add_job({});
   EXPECT_EQ(farm.leased(worker).at(0).job_id, other.spec->id);
-  EXPECT_EQ(farm.scheduler.wait_text(limited),
+  EXPECT_EQ(farm.scheduler.waiting().wait_text(limited),
             "limit licence is reached: 0 of 0 units are in use, a lease needs 1");
 }
 
 TEST(Limits, LostWorkersLeasesCountNoLonger) {
   SchedulerHarness farm;
-  farm.scheduler.set_limit("licence", 2, farm.now);
+  farm.scheduler.limits().set_limit("licence", 2, farm.now);
   farm.connect("w1", {.credits = 8});
   farm.add_job({.limits = {{"licence", 1}}});
   EXPECT_EQ(used(farm), 2);
@@ -91,13 +91,13 @@ TEST(Limits, LostWorkersLeasesCountNoLonger) {
 
 TEST(Limits, AdoptedUnitsCountAfterRestart) {
   SchedulerHarness before;
-  before.scheduler.set_limit("licence", 2, before.now);
+  before.scheduler.limits().set_limit("licence", 2, before.now);
   const WorkerKey worker = before.connect("w1", {.credits = 8});
   before.add_job({.limits = {{"licence", 1}}});
   const std::vector<UnitName> units = before.leased(worker);
   ASSERT_EQ(units.size(), 2u);
   SchedulerHarness after({"w1"});
-  after.scheduler.set_limit("licence", 2, after.now);
+  after.scheduler.limits().set_limit("licence", 2, after.now);
   after.add_job({.limits = {{"licence", 1}}});
   const WorkerKey early = after.connect("w2", {.credits = 8});
   EXPECT_TRUE(after.leased(early).empty()) << "the worker that holds leases may come back";
@@ -116,12 +116,12 @@ TEST(Limits, AuditsCountToo) {
   SchedulePolicy policy;
   policy.audit_fraction = 1;
   SchedulerHarness farm({}, policy);
-  farm.scheduler.set_limit("licence", 1, farm.now);
+  farm.scheduler.limits().set_limit("licence", 1, farm.now);
   const WorkerKey one = farm.connect("w1", {.credits = 1});
   Job& job = farm.add_job({.tiles = 2, .limits = {{"licence", 1}}});
   const UnitName unit = farm.leased(one).at(0);
   farm.commit(one, unit);
-  farm.scheduler.open_audit(job, unit.unit, "w1", contract::sha256("pixels"));
+  farm.scheduler.audits().open_audit(job, unit.unit, "w1", contract::sha256("pixels"));
   const WorkerKey other = farm.connect("w2", {.credits = 4});
   EXPECT_EQ(farm.leased(other).size(), 1u) << "the audit";
   EXPECT_EQ(used(farm), 1);
@@ -130,7 +130,7 @@ TEST(Limits, AuditsCountToo) {
 
 TEST(Limits, LimitedJobsCostNoLooks) {
   SchedulerHarness farm;
-  farm.scheduler.set_limit("licence", 0, farm.now);
+  farm.scheduler.limits().set_limit("licence", 0, farm.now);
   for (int i = 0; i < 1000; ++i) farm.queue_job({.tiles = 1, .limits = {{"licence", 1}}});
   const std::int64_t before = farm.scheduler.step_count();
   farm.connect("w1", {.threads = 1, .credits = 1});
@@ -147,8 +147,8 @@ TEST(Pools, WorkersRenderJobsOfTheirPoolOnly) {
   const Job& nowhere = farm.add_job({.tiles = 2, .pool = "weekend"});
   for (const UnitName& unit : farm.leased(day)) EXPECT_EQ(unit.job_id, any.spec->id);
   for (const UnitName& unit : farm.leased(night)) EXPECT_EQ(unit.job_id, late.spec->id);
-  EXPECT_EQ(farm.scheduler.wait_text(nowhere), "no connected worker is in pool weekend");
-  EXPECT_EQ(farm.scheduler.wait_text(tagged), "no connected worker has tag gpu");
+  EXPECT_EQ(farm.scheduler.waiting().wait_text(nowhere), "no connected worker is in pool weekend");
+  EXPECT_EQ(farm.scheduler.waiting().wait_text(tagged), "no connected worker has tag gpu");
 }
 
 TEST(Pools, MovedWorkerReturnsUnstartedUnits) {
@@ -157,15 +157,15 @@ TEST(Pools, MovedWorkerReturnsUnstartedUnits) {
   farm.add_job({.tiles = 2});
   const Job& late = farm.add_job({.tiles = 2, .pool = "night"});
   const std::vector<UnitName> units = farm.leased(worker);
-  farm.scheduler.move("w1", "night", farm.now);
+  farm.scheduler.orders().move("w1", "night", farm.now);
   EXPECT_EQ(farm.outbox(worker).revoked, units);
-  farm.scheduler.return_units(worker, units, farm.now);
-  farm.scheduler.grant_credits(worker, 2, farm.now);
+  farm.scheduler.connections().return_units(worker, units, farm.now);
+  farm.scheduler.connections().grant_credits(worker, 2, farm.now);
   EXPECT_EQ(farm.leased(worker).at(0).job_id, late.spec->id);
   farm.connect("w1", {.pool = "day"});
-  EXPECT_EQ(farm.scheduler.find_worker(worker)->pool, "night") << "the operator decides";
-  farm.scheduler.move("w1", "", farm.now);
-  EXPECT_EQ(farm.scheduler.find_worker(worker)->pool, "day");
+  EXPECT_EQ(farm.scheduler.workers().find(worker)->pool, "night") << "the operator decides";
+  farm.scheduler.orders().move("w1", "", farm.now);
+  EXPECT_EQ(farm.scheduler.workers().find(worker)->pool, "day");
   EXPECT_TRUE(farm.scheduler.verify().ok()) << farm.scheduler.verify();
 }
 
@@ -178,7 +178,7 @@ TEST(Change, PriorityOfRunningJobTakesEffect) {
   EXPECT_EQ(unit.job_id, first.spec->id);
   auto spec = std::make_shared<JobSpec>(*second.spec);
   spec->priority = 20;
-  farm.scheduler.change(second, spec, farm.now);
+  farm.scheduler.changes().change(second, spec, farm.now);
   farm.complete(worker, unit);
   EXPECT_EQ(farm.leased(worker).at(0).job_id, second.spec->id);
   EXPECT_TRUE(farm.scheduler.verify().ok()) << farm.scheduler.verify();
@@ -186,7 +186,7 @@ TEST(Change, PriorityOfRunningJobTakesEffect) {
 
 TEST(Change, RequirementsAndLimitsOfRunningJobTakeEffect) {
   SchedulerHarness farm;
-  farm.scheduler.set_limit("licence", 4, farm.now);
+  farm.scheduler.limits().set_limit("licence", 4, farm.now);
   const WorkerKey plain = farm.connect("w1", {.threads = 1, .credits = 2});
   Job& job = farm.add_job({.tiles = 9});
   const std::vector<UnitName> units = farm.leased(plain);
@@ -195,7 +195,7 @@ TEST(Change, RequirementsAndLimitsOfRunningJobTakeEffect) {
   spec->required_tag = "gpu";
   spec->max_workers = 1;
   spec->limits = {{"licence", 2}};
-  farm.scheduler.change(job, spec, farm.now);
+  farm.scheduler.changes().change(job, spec, farm.now);
   EXPECT_EQ(used(farm), 4) << "units in flight count";
   for (const UnitName& unit : units) farm.complete(plain, unit);
   EXPECT_EQ(used(farm), 0);
@@ -210,7 +210,7 @@ TEST(FairShare, UseWithoutUnitsInFlightOutlivesRestart) {
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 2});
   farm.add_job({.tiles = 2, .owner = "ann"});
   farm.commit(worker, farm.leased(worker).at(0), 500);
-  const auto table = farm.scheduler.usage(farm.now);
+  const auto table = farm.scheduler.limits().usage(farm.now);
   ASSERT_EQ(table.size(), 1u);
   EXPECT_NEAR(table[0].cpu_seconds, 500, 1e-6)
       << "the unit in flight is charged to the next process";

@@ -22,7 +22,7 @@ Busy connect_busy_with(SchedulerHarness& farm, const std::string& id, const std:
   const Job& job = farm.add_job({.tiles = 1, .priority = 100, .tag = id, .scene = scene});
   const auto units = farm.leased(worker);
   EXPECT_EQ(units.size(), 1u);
-  farm.scheduler.scene_loaded(worker, job.spec->id, {1, 1});
+  farm.scheduler.connections().scene_loaded(worker, job.spec->id, {1, 1});
   return {worker, units.at(0)};
 }
 
@@ -54,7 +54,7 @@ TEST(SceneAffinity, WorkersPreferJobsWithTheirScene) {
   const WorkerKey has_y = connect_with(farm, "w2", "y");
   const Job& of_y = farm.queue_job({.tiles = 4, .scene = "y"});
   const Job& of_x = farm.queue_job({.tiles = 4, .scene = "x"});
-  farm.scheduler.offer_work(farm.now);
+  farm.scheduler.dispatcher().dispatch_all(farm.now);
   EXPECT_EQ(job_of(farm, has_x), of_x.spec->id);
   EXPECT_EQ(job_of(farm, has_y), of_y.spec->id);
 }
@@ -65,7 +65,7 @@ TEST(SceneAffinity, OldestJobDoesNotStarve) {
   const WorkerKey second = connect_with(farm, "w2", "x");
   const Job& strange = farm.queue_job({.tiles = 40, .scene = "z"});
   const Job& familiar = farm.queue_job({.tiles = 40, .scene = "x"});
-  farm.scheduler.offer_work(farm.now);
+  farm.scheduler.dispatcher().dispatch_all(farm.now);
   EXPECT_EQ(job_of(farm, first), strange.spec->id)
       << "no worker has its scene: it is leased at once";
   EXPECT_EQ(job_of(farm, second), familiar.spec->id);
@@ -100,7 +100,7 @@ TEST(SceneAffinity, ReconnectedWorkerKeepsScene) {
   SchedulerHarness farm;
   const WorkerKey has_x = connect_with(farm, "w1", "x");
   const WorkerKey has_y = connect_with(farm, "w2", "y");
-  farm.scheduler.disconnect(has_y);
+  farm.scheduler.connections().disconnect(has_y);
   farm.pass(std::chrono::seconds(10), {has_x});
   ASSERT_EQ(farm.connect("w2", {.threads = 1, .credits = 1}), has_y);
   const Job& job = farm.add_job({.tiles = 1, .scene = "y"});

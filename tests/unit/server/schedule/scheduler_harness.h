@@ -35,7 +35,7 @@ class SchedulerHarness {
   };
   Job& add_job(const JobPlanned& planned) {
     Job& job = queue_job(planned);
-    scheduler.offer_work(now);
+    scheduler.dispatcher().dispatch_all(now);
     return job;
   }
   /// The same, but leases nothing of it yet.
@@ -56,7 +56,7 @@ class SchedulerHarness {
     spec->settings.tile = 8;
     spec->settings.spp = planned.spp;
     spec->settings.frames = {{0, planned.frames - 1, 1}};
-    return scheduler.add_job(key, spec, JobState::queued);
+    return scheduler.changes().add_job(key, spec, JobState::queued);
   }
 
   struct WorkerPlanned {
@@ -80,13 +80,13 @@ class SchedulerHarness {
     hello.leases = planned.leases;
     hello.running = planned.running;
     hello.unacknowledged = planned.unacknowledged;
-    return scheduler.connect(hello, now);
+    return scheduler.connections().connect(hello, now);
   }
   WorkerKey connect(const std::string& id) { return connect(id, {}); }
 
   /// Returns the messages to the worker since the last call.
   Outbox outbox(WorkerKey worker) {
-    return std::exchange(scheduler.find_worker(worker)->outbox, Outbox{});
+    return std::exchange(scheduler.workers().find(worker)->outbox, Outbox{});
   }
   /// Units of the worker's new leases, which are stored in `leases`.
   std::vector<UnitName> leased(WorkerKey worker) {
@@ -100,28 +100,28 @@ class SchedulerHarness {
     return units;
   }
   void start(WorkerKey worker, const std::vector<UnitName>& units) {
-    scheduler.heartbeat(worker, units, 0, now);
+    scheduler.connections().heartbeat(worker, units, 0, now);
   }
   void commit(WorkerKey worker, const UnitName& unit, double cpu_seconds = 1) {
-    scheduler.commit(*scheduler.find_job(unit.job_id), unit.unit, scheduler.find_worker(worker)->id,
-                     cpu_seconds);
+    scheduler.results().commit(*scheduler.jobs().find(unit.job_id), unit.unit,
+                               scheduler.workers().find(worker)->id, cpu_seconds);
   }
   /// Commits and returns the credit, as a worker does after the acknowledgement.
   void complete(WorkerKey worker, const UnitName& unit, double cpu_seconds = 1) {
     commit(worker, unit, cpu_seconds);
-    scheduler.grant_credits(worker, 1, now);
+    scheduler.connections().grant_credits(worker, 1, now);
   }
   void fail(WorkerKey worker, const UnitName& unit,
             absl::StatusCode code = absl::StatusCode::kInternal) {
-    scheduler.fail_unit(worker, leases.at({worker, unit}), unit.unit.tile, {"", "broke", "log"},
-                        code, now);
-    scheduler.grant_credits(worker, 1, now);
+    scheduler.failures().fail_unit(worker, leases.at({worker, unit}), unit.unit.tile,
+                                   {"", "broke", "log"}, code, now);
+    scheduler.connections().grant_credits(worker, 1, now);
   }
   /// Advances time in steps of 100 ms; `awake` workers send a heartbeat at each.
   void pass(std::chrono::milliseconds span, const std::vector<WorkerKey>& awake) {
     for (const Time end = now + span; now < end;) {
       now += kPeriod;
-      for (const WorkerKey worker : awake) scheduler.record_contact(worker, now);
+      for (const WorkerKey worker : awake) scheduler.connections().record_contact(worker, now);
       scheduler.tick(now, kPeriod);
     }
   }

@@ -18,7 +18,7 @@ TEST(Scheduler, LeasesNoMoreThanCredits) {
   farm.add_job({.tiles = 100});
   const WorkerKey worker = farm.connect("w1", {.credits = 5});
   EXPECT_EQ(farm.leased(worker).size(), 5u);
-  farm.scheduler.grant_credits(worker, 2, farm.now);
+  farm.scheduler.connections().grant_credits(worker, 2, farm.now);
   EXPECT_EQ(farm.leased(worker).size(), 2u);
 }
 
@@ -68,10 +68,11 @@ TEST(Scheduler, PlanIsCreatedAtFirstLease) {
 TEST(Scheduler, HugeCreditsDoNotOverflow) {
   SchedulerHarness farm;
   const WorkerKey worker = farm.connect("w1");
-  for (int i = 0; i < 10; ++i) farm.scheduler.grant_credits(worker, 2'000'000'000, farm.now);
-  EXPECT_GT(farm.scheduler.find_worker(worker)->credits, 0);
-  farm.scheduler.grant_credits(worker, -5, farm.now);
-  EXPECT_GT(farm.scheduler.find_worker(worker)->credits, 0);
+  for (int i = 0; i < 10; ++i)
+    farm.scheduler.connections().grant_credits(worker, 2'000'000'000, farm.now);
+  EXPECT_GT(farm.scheduler.workers().find(worker)->credits, 0);
+  farm.scheduler.connections().grant_credits(worker, -5, farm.now);
+  EXPECT_GT(farm.scheduler.workers().find(worker)->credits, 0);
 }
 
 // Loss and reconnection ---------------------------------------------------------------------------
@@ -95,7 +96,7 @@ TEST(Scheduler, BrokenStreamKeepsLeases) {
   farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1", {.threads = 4, .credits = 4});
   const auto units = farm.leased(worker);
-  farm.scheduler.disconnect(worker);
+  farm.scheduler.connections().disconnect(worker);
   const WorkerKey other = farm.connect("w2", {.threads = 4, .credits = 4});
   farm.pass(3s, {other});
   EXPECT_TRUE(farm.leased(other).empty());
@@ -105,7 +106,7 @@ TEST(Scheduler, BrokenStreamKeepsLeases) {
   EXPECT_EQ(farm.connect("w1", back), worker) << "it is the same worker";
   farm.pass(10s, {worker, other});
   for (const UnitName& unit : units) {
-    EXPECT_EQ(farm.scheduler.find_worker(worker)->leased_units.count({1, unit.unit}), 1u);
+    EXPECT_EQ(farm.scheduler.workers().find(worker)->leased_units.count({1, unit.unit}), 1u);
   }
 }
 
@@ -165,9 +166,9 @@ TEST(Scheduler, DelayedTickDoesNotExpireWorkers) {
   farm.now += 60s;  // the server was stopped (SIGSTOP)
   farm.scheduler.tick(farm.now, SchedulerHarness::kPeriod);
   farm.pass(200ms, {});
-  EXPECT_FALSE(farm.scheduler.find_worker(worker)->lost);
+  EXPECT_FALSE(farm.scheduler.workers().find(worker)->lost);
   farm.pass(6s, {});
-  EXPECT_TRUE(farm.scheduler.find_worker(worker)->lost);
+  EXPECT_TRUE(farm.scheduler.workers().find(worker)->lost);
 }
 
 TEST(Scheduler, DrainingWorkerKeepsUnitsAndGetsNoMore) {
@@ -175,11 +176,11 @@ TEST(Scheduler, DrainingWorkerKeepsUnitsAndGetsNoMore) {
   farm.add_job({.tiles = 100});
   const WorkerKey worker = farm.connect("w1");
   const auto units = farm.leased(worker);
-  farm.scheduler.begin_draining(worker);
+  farm.scheduler.connections().begin_draining(worker);
   farm.complete(worker, units[0]);
   farm.pass(1s, {worker});
   EXPECT_TRUE(farm.leased(worker).empty());
-  EXPECT_EQ(farm.scheduler.find_worker(worker)->leased_units.size(), units.size() - 1);
+  EXPECT_EQ(farm.scheduler.workers().find(worker)->leased_units.size(), units.size() - 1);
 }
 
 // Failures ----------------------------------------------------------------------------------------
@@ -250,14 +251,14 @@ TEST(Scheduler, DisprovedFailuresQuarantineWorker) {
   ASSERT_EQ(units.size(), 4u);
   const WorkerKey good = farm.connect("good", {.threads = 1, .credits = 0});
   for (std::size_t i = 0; i < 3; ++i) farm.fail(bad, units[i]);
-  EXPECT_FALSE(farm.scheduler.find_worker(bad)->quarantined) << "nothing has succeeded yet";
-  farm.scheduler.grant_credits(good, 3, farm.now);
+  EXPECT_FALSE(farm.scheduler.workers().find(bad)->quarantined) << "nothing has succeeded yet";
+  farm.scheduler.connections().grant_credits(good, 3, farm.now);
   const auto again = farm.leased(good);
   for (const UnitName& unit : again) farm.commit(good, unit);
-  EXPECT_TRUE(farm.scheduler.find_worker(bad)->quarantined);
-  EXPECT_FALSE(farm.scheduler.find_worker(good)->quarantined);
+  EXPECT_TRUE(farm.scheduler.workers().find(bad)->quarantined);
+  EXPECT_FALSE(farm.scheduler.workers().find(good)->quarantined);
   farm.outbox(bad);
-  farm.scheduler.grant_credits(bad, 5, farm.now);
+  farm.scheduler.connections().grant_credits(bad, 5, farm.now);
   EXPECT_TRUE(farm.leased(bad).empty());
 }
 
@@ -267,8 +268,8 @@ TEST(Scheduler, UnsealedFailureIsIgnored) {
   const WorkerKey worker = farm.connect("w1");
   Lease lease = farm.outbox(worker).leases.at(0);
   lease.seal[0] = static_cast<char>(lease.seal[0] ^ 1);
-  farm.scheduler.fail_unit(worker, lease, lease.first_tile, {"", "forged", ""},
-                           absl::StatusCode::kInvalidArgument, farm.now);
+  farm.scheduler.failures().fail_unit(worker, lease, lease.first_tile, {"", "forged", ""},
+                                      absl::StatusCode::kInvalidArgument, farm.now);
   EXPECT_EQ(job.state, JobState::running);
 }
 
@@ -291,14 +292,14 @@ TEST(Scheduler, OwnersShareCpuSeconds) {
   std::vector<WorkerKey> workers;
   for (int i = 0; i < 4; ++i) {
     workers.push_back(farm.connect("w" + std::to_string(i), {.threads = 1, .credits = 1}));
-    farm.scheduler.scene_loaded(workers.back(), "j1", {0, 0});
+    farm.scheduler.connections().scene_loaded(workers.back(), "j1", {0, 0});
   }
   for (int round = 0; round < 100; ++round) {
     for (std::size_t i = 0; i < workers.size(); ++i) {
       for (const UnitName& unit : farm.leased(workers[i])) {
         const bool is_ben = unit.job_id == "j4";
         spent[is_ben ? "ben" : "ann"] += is_ben ? 3 : 1;  // ben's units cost three times as much
-        farm.scheduler.scene_loaded(workers[i], unit.job_id, {0, 0});
+        farm.scheduler.connections().scene_loaded(workers[i], unit.job_id, {0, 0});
         farm.complete(workers[i], unit, is_ben ? 3 : 1);
       }
     }
@@ -312,7 +313,7 @@ TEST(Scheduler, WorkerStaysUntilSceneLoadIsAmortised) {
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 1});
   farm.add_job({.tiles = 400, .owner = "ben"});
   int stayed = 0;
-  farm.scheduler.scene_loaded(worker, "j1", {1, 1});  // 2 s to load: 20 s of work
+  farm.scheduler.connections().scene_loaded(worker, "j1", {1, 1});  // 2 s to load: 20 s of work
   auto units = farm.leased(worker);
   while (!units.empty() && units[0].job_id == "j1" && stayed < 100) {
     ++stayed;
@@ -326,7 +327,7 @@ TEST(Scheduler, PriorityJobInterruptsStay) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 400});
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 1});
-  farm.scheduler.scene_loaded(worker, "j1", {100, 0});
+  farm.scheduler.connections().scene_loaded(worker, "j1", {100, 0});
   farm.add_job({.tiles = 4, .priority = 1});
   farm.complete(worker, farm.leased(worker).at(0));
   EXPECT_EQ(farm.leased(worker).at(0).job_id, "j2");
@@ -350,12 +351,12 @@ TEST(Scheduler, PausedJobKeepsRunningUnits) {
   Job& job = farm.add_job({.tiles = 40});
   const WorkerKey worker = farm.connect("w1");
   const auto units = farm.leased(worker);
-  ASSERT_TRUE(farm.scheduler.pause(job, "asked", farm.now).ok());
+  ASSERT_TRUE(farm.scheduler.lifecycle().pause(job, "asked", farm.now).ok());
   farm.complete(worker, units[0]);
   const Outbox outbox = farm.outbox(worker);
   EXPECT_TRUE(outbox.leases.empty() && outbox.revoked.empty());
-  EXPECT_EQ(job.plan->committed_count(), 1);
-  ASSERT_TRUE(farm.scheduler.resume(job, farm.now).ok());
+  EXPECT_EQ(job.plan->counts().committed, 1);
+  ASSERT_TRUE(farm.scheduler.lifecycle().resume(job, farm.now).ok());
   EXPECT_EQ(farm.leased(worker).size(), 1u);
 }
 
@@ -364,13 +365,14 @@ TEST(Scheduler, CancellingRevokesAllLeases) {
   Job& job = farm.add_job({.tiles = 40});
   const WorkerKey worker = farm.connect("w1");
   const auto units = farm.leased(worker);
-  ASSERT_TRUE(farm.scheduler.cancel(job, farm.now).ok());
+  ASSERT_TRUE(farm.scheduler.lifecycle().cancel(job, farm.now).ok());
   const Outbox outbox = farm.outbox(worker);
   EXPECT_EQ(outbox.revoked, units);
   EXPECT_EQ(outbox.ended_jobs, std::vector<std::string>{"j1"});
   const Lease lease = farm.leases.at({worker, units[0]});
-  EXPECT_FALSE(farm.scheduler.wants(job, lease, units[0].unit)) << "late results are unwanted";
-  EXPECT_TRUE(farm.scheduler.cancel(job, farm.now).ok()) << "idempotent";
+  EXPECT_FALSE(farm.scheduler.results().wants(job, lease, units[0].unit))
+      << "late results are unwanted";
+  EXPECT_TRUE(farm.scheduler.lifecycle().cancel(job, farm.now).ok()) << "idempotent";
 }
 
 TEST(Scheduler, RetryKeepsUnitsAndResetsFailures) {
@@ -384,7 +386,7 @@ TEST(Scheduler, RetryKeepsUnitsAndResetsFailures) {
     farm.leased(worker);
   }
   ASSERT_TRUE(job.is_paused_by_failures());
-  ASSERT_TRUE(farm.scheduler.retry(job, farm.now).ok());
+  ASSERT_TRUE(farm.scheduler.lifecycle().retry(job, farm.now).ok());
   EXPECT_EQ(job.state, JobState::running);
   EXPECT_EQ(farm.leased(worker), std::vector<UnitName>{units[1]});
   farm.fail(worker, units[1]);
@@ -396,10 +398,10 @@ TEST(Scheduler, RetryOfJobWithAllFramesEndsIt) {
   Job& job = farm.add_job({.tiles = 1});
   const WorkerKey worker = farm.connect("w1");
   for (const UnitName& unit : farm.leased(worker)) farm.commit(worker, unit);
-  ASSERT_TRUE(farm.scheduler.cancel(job, farm.now).ok());
-  farm.scheduler.finish_frame(job, 0, farm.now);  // its image was being written
+  ASSERT_TRUE(farm.scheduler.lifecycle().cancel(job, farm.now).ok());
+  farm.scheduler.results().finish_frame(job, 0, farm.now);  // its image was being written
   EXPECT_EQ(job.state, JobState::cancelled);
-  ASSERT_TRUE(farm.scheduler.retry(job, farm.now).ok());
+  ASSERT_TRUE(farm.scheduler.lifecycle().retry(job, farm.now).ok());
   EXPECT_EQ(job.state, JobState::done);
 }
 
@@ -408,12 +410,12 @@ TEST(Scheduler, JobIsDoneWithLastFrame) {
   Job& job = farm.add_job({.tiles = 1, .frames = 2});
   const WorkerKey worker = farm.connect("w1");
   for (const UnitName& unit : farm.leased(worker)) farm.commit(worker, unit);
-  farm.scheduler.finish_frame(job, 1, farm.now);
+  farm.scheduler.results().finish_frame(job, 1, farm.now);
   EXPECT_EQ(job.state, JobState::running);
-  farm.scheduler.finish_frame(job, 0, farm.now);
+  farm.scheduler.results().finish_frame(job, 0, farm.now);
   EXPECT_EQ(job.state, JobState::done);
-  EXPECT_FALSE(farm.scheduler.cancel(job, farm.now).ok());
-  EXPECT_FALSE(farm.scheduler.retry(job, farm.now).ok());
+  EXPECT_FALSE(farm.scheduler.lifecycle().cancel(job, farm.now).ok());
+  EXPECT_FALSE(farm.scheduler.lifecycle().retry(job, farm.now).ok());
 }
 
 // End of a job ------------------------------------------------------------------------------------
@@ -452,7 +454,7 @@ TEST(Scheduler, CommitRevokesOtherCopy) {
   tail.farm.commit(tail.fast, tail.units[0]);
   EXPECT_EQ(tail.farm.outbox(tail.slow).revoked, std::vector<UnitName>{tail.units[0]});
   EXPECT_TRUE(tail.farm.outbox(tail.fast).revoked.empty());
-  EXPECT_TRUE(tail.farm.scheduler.find_worker(tail.slow)->leased_units.empty());
+  EXPECT_TRUE(tail.farm.scheduler.workers().find(tail.slow)->leased_units.empty());
 }
 
 TEST(Scheduler, UnstartedUnitsMoveToIdleWorkers) {
@@ -466,7 +468,7 @@ TEST(Scheduler, UnstartedUnitsMoveToIdleWorkers) {
   farm.pass(200ms, {busy, idle});
   const auto revoked = farm.outbox(busy).revoked;
   ASSERT_EQ(revoked.size(), 2u) << "as many as the idle threads";
-  farm.scheduler.return_units(busy, revoked, farm.now);
+  farm.scheduler.connections().return_units(busy, revoked, farm.now);
   EXPECT_EQ(farm.leased(idle).size(), 2u);
 }
 
@@ -485,7 +487,7 @@ TEST(Scheduler, RevokedUnitIsWithdrawnIfItsLeaseIsUnsent) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 1});
   const WorkerKey worker = farm.connect("w1");
-  ASSERT_TRUE(farm.scheduler.cancel(job, farm.now).ok());
+  ASSERT_TRUE(farm.scheduler.lifecycle().cancel(job, farm.now).ok());
   const Outbox outbox = farm.outbox(worker);
   EXPECT_EQ(outbox.leases.size(), 1u);
   EXPECT_TRUE(outbox.revoked.empty());

@@ -57,26 +57,27 @@ void SimulatedFarm::violate(const std::string& what) {
 
 void SimulatedFarm::start_scheduler() {
   const std::vector<std::string> roster(roster_.begin(), roster_.end());
-  scheduler_ = std::make_unique<Scheduler>(Scheduler::Identity{"store", "key", ++boot_}, policy_,
-                                           roster, now_);
-  scheduler_->restore_usage(usage_, now_);
-  scheduler_->set_limit(kLimit, limit_, now_);
+  scheduler_ =
+      std::make_unique<Scheduler>(StoreIdentity{"store", "key", ++boot_}, policy_, roster, now_);
+  scheduler_->limits().restore_usage(usage_, now_);
+  scheduler_->limits().set_limit(kLimit, limit_, now_);
   excess_ = 0;
-  for (const auto& [worker, pool] : moved_) scheduler_->move(worker, pool, now_);
-  for (const std::string& worker : aside_) scheduler_->set_aside(worker, "", now_);
-  scheduler_->stop_accounts(stopped_, now_);
-  for (const std::string& name : bans_) scheduler_->ban(name);
+  for (const auto& [worker, pool] : moved_) scheduler_->orders().move(worker, pool, now_);
+  for (const std::string& worker : aside_) scheduler_->orders().set_aside(worker, "", now_);
+  scheduler_->limits().stop_accounts(stopped_, now_);
+  for (const std::string& name : bans_) scheduler_->quarantine().ban(name);
   for (const auto& [key, stored] : store_) {
-    Job& job = scheduler_->add_job(key, stored->spec, stored->state);
+    Job& job = scheduler_->changes().add_job(key, stored->spec, stored->state);
     for (const Dependency& dependency : stored->spec->after) {
       const auto removed = removed_.find(dependency.job_id);
-      if (removed != removed_.end()) scheduler_->note_removed(removed->first, removed->second);
+      if (removed != removed_.end())
+        scheduler_->lifecycle().note_removed(removed->first, removed->second);
     }
     if (stored->units.empty() && stored->frames.empty()) continue;
-    for (const std::int32_t frame : stored->frames) scheduler_->restore_frame(job, frame);
+    for (const std::int32_t frame : stored->frames) scheduler_->results().restore_frame(job, frame);
     for (const auto& [unit, kept] : stored->units) {
-      scheduler_->restore_unit(job, unit, kept.worker_id, 1);
-      if (kept.has_audit) scheduler_->open_audit(job, unit, kept.worker_id, kept.digest);
+      scheduler_->results().restore_unit(job, unit, kept.worker_id, 1);
+      if (kept.has_audit) scheduler_->audits().open_audit(job, unit, kept.worker_id, kept.digest);
     }
     finish_frames(job);
   }
@@ -88,7 +89,7 @@ void SimulatedFarm::restart_server() {
   ++events_.restarts;
   events_.lost_writes += static_cast<int>(writes_.size());
   writes_.clear();
-  usage_ = scheduler_->usage(now_);
+  usage_ = scheduler_->limits().usage(now_);
   now_ += std::chrono::milliseconds(dice_.below(4000));
   for (auto& [id, computer] : computers_) computer->is_connected = false;
   start_scheduler();
@@ -113,8 +114,8 @@ void SimulatedFarm::add_job() {
   if (dice_.one_in(2)) add_dependencies(*spec);
   store_[key] = std::make_unique<Stored>();
   store_[key]->spec = spec;
-  scheduler_->add_job(key, spec, JobState::queued);
-  scheduler_->offer_work(now_);
+  scheduler_->changes().add_job(key, spec, JobState::queued);
+  scheduler_->dispatcher().dispatch_all(now_);
 }
 
 SimulatedFarm::Computer& SimulatedFarm::add_computer(const std::string& certificate, bool is_faulty,
@@ -152,20 +153,20 @@ void SimulatedFarm::connect(Computer& computer) {
   }
   const auto held = static_cast<std::int32_t>(computer.tasks.size());
   hello.credit_count = std::max(computer.credits - held, 0);
-  computer.key = scheduler_->connect(hello, now_);
-  excess_ = std::max(excess_, scheduler_->limits().all().at(kLimit).used);
+  computer.key = scheduler_->connections().connect(hello, now_);
+  excess_ = std::max(excess_, scheduler_->limits().table().all().at(kLimit).used);
   computer.is_connected = true;
 }
 
 void SimulatedFarm::lose_stream(Computer& computer) {
-  if (computer.is_connected) scheduler_->disconnect(computer.key);
+  if (computer.is_connected) scheduler_->connections().disconnect(computer.key);
   computer.is_connected = false;
 }
 
 // Workers -----------------------------------------------------------------------------------------
 
 void SimulatedFarm::read_mail(Computer& computer) {
-  Worker* worker = scheduler_->find_worker(computer.key);
+  Worker* worker = scheduler_->workers().find(computer.key);
   if (worker == nullptr) return;
   const Outbox mail = std::exchange(worker->outbox, Outbox{});
   std::int32_t credits = 0;
@@ -173,7 +174,7 @@ void SimulatedFarm::read_mail(Computer& computer) {
     credits += static_cast<std::int32_t>(
         std::erase_if(computer.tasks, [&](const Task& task) { return task.name == told.unit; }));
   }
-  scheduler_->grant_credits(computer.key, credits, now_);
+  scheduler_->connections().grant_credits(computer.key, credits, now_);
   return_revoked(computer, mail.revoked);
   for (const Lease& lease : mail.leases) take_lease(computer, lease);
   return_revoked(computer, mail.withdrawn);
@@ -181,13 +182,13 @@ void SimulatedFarm::read_mail(Computer& computer) {
 
 void SimulatedFarm::take_lease(Computer& computer, const Lease& lease) {
   last_lease_ = std::max(last_lease_, lease.attempt);
-  const Job* job = scheduler_->find_job(lease.job_id);
+  const Job* job = scheduler_->jobs().find(lease.job_id);
   if (job != nullptr && !has_ended(job->state)) check_lease(computer, *job, lease);
   for (std::int32_t i = 0; i < lease.tile_count; ++i) {
     const Unit unit{lease.frame, lease.first_tile + i, lease.pass};
     if (job != nullptr && job->plan && job->plan->is_committed(unit) &&
         job->audits.count(unit) == 0 && store_.at(job->key)->units.count(unit) > 0) {
-      const Worker& worker = *scheduler_->find_worker(computer.key);
+      const Worker& worker = *scheduler_->workers().find(computer.key);
       if (worker.leased_units.count({job->key, unit}) > 0) violate("a committed unit is leased");
     }
     computer.tasks.push_back({{lease.job_id, unit}, lease});
@@ -201,14 +202,15 @@ void SimulatedFarm::return_revoked(Computer& computer, const std::vector<UnitNam
     const auto task = std::find_if(computer.tasks.begin(), computer.tasks.end(),
                                    [&](const Task& held) { return held.name == name; });
     if (task == computer.tasks.end() || task->is_delivered) continue;
-    const Job* job = scheduler_->find_job(name.job_id);
+    const Job* job = scheduler_->jobs().find(name.job_id);
     if (task->ready && job != nullptr && !has_ended(job->state)) continue;
     computer.tasks.erase(task);
     returned.push_back(name);
   }
   if (returned.empty()) return;
-  scheduler_->return_units(computer.key, returned, now_);
-  scheduler_->grant_credits(computer.key, static_cast<std::int32_t>(returned.size()), now_);
+  scheduler_->connections().return_units(computer.key, returned, now_);
+  scheduler_->connections().grant_credits(computer.key, static_cast<std::int32_t>(returned.size()),
+                                          now_);
 }
 
 void SimulatedFarm::work(Computer& computer, bool is_calm) {
@@ -217,7 +219,7 @@ void SimulatedFarm::work(Computer& computer, bool is_calm) {
     if (is_calm || computer.is_anchor || dice_.one_in(3)) connect(computer);
     return;
   }
-  scheduler_->record_contact(computer.key, now_);
+  scheduler_->connections().record_contact(computer.key, now_);
   if (is_calm || !dice_.one_in(4)) read_mail(computer);
   std::int32_t running = 0;
   std::vector<UnitName> started;
@@ -229,7 +231,7 @@ void SimulatedFarm::work(Computer& computer, bool is_calm) {
     }
     running += task.ready ? 1 : 0;
   }
-  scheduler_->heartbeat(computer.key, started, 0, now_);
+  scheduler_->connections().heartbeat(computer.key, started, 0, now_);
   for (std::size_t i = 0; i < computer.tasks.size(); ++i) {
     Task& task = computer.tasks[i];
     if (!task.ready || *task.ready > now_ || task.is_delivered) continue;
@@ -246,10 +248,10 @@ void SimulatedFarm::finish(Computer& computer, Task& task, bool is_calm) {
     ++events_.failures;
     const int reports = 1 + dice_.below(3);
     for (int i = 0; i < reports; ++i) {
-      scheduler_->fail_unit(computer.key, task.lease, task.name.unit.tile, {"", "junk", ""},
-                            kCodes[dice_.below(3)], now_);
+      scheduler_->failures().fail_unit(computer.key, task.lease, task.name.unit.tile,
+                                       {"", "junk", ""}, kCodes[dice_.below(3)], now_);
     }
-    scheduler_->grant_credits(computer.key, 1, now_);
+    scheduler_->connections().grant_credits(computer.key, 1, now_);
     task.name.job_id.clear();
     return;
   }
@@ -266,8 +268,8 @@ void SimulatedFarm::finish(Computer& computer, Task& task, bool is_calm) {
 
 void SimulatedFarm::acknowledge(const std::string& worker_id, const UnitName& name,
                                 AckStatus status) {
-  const Worker* worker = scheduler_->find_worker(worker_id);
-  if (worker != nullptr) scheduler_->acknowledge(worker->key, {name, status, ""});
+  const Worker* worker = scheduler_->workers().find(worker_id);
+  if (worker != nullptr) scheduler_->connections().acknowledge(worker->key, {name, status, ""});
 }
 
 /// Returns whether the unit is committed; its result then answers an audit or is superfluous.
@@ -276,25 +278,26 @@ bool SimulatedFarm::answer_duplicate(Job& job, const Write& write) {
   if (stored == store_.at(job.key)->units.end()) return false;
   const StoredUnit kept = stored->second;
   ++events_.duplicates;
-  scheduler_->answer_audit(job, write.name.unit, write.lease, {write.worker_id, write.digest},
-                           {kept.worker_id, kept.digest}, now_);
-  scheduler_->release_duplicate(job, write.name.unit, write.worker_id);
+  scheduler_->audits().answer_audit(job, write.name.unit, write.lease,
+                                    {write.worker_id, write.digest}, {kept.worker_id, kept.digest},
+                                    now_);
+  scheduler_->results().release_duplicate(job, write.name.unit, write.worker_id);
   acknowledge(write.worker_id, write.name, AckStatus::duplicate);
   return true;
 }
 
 void SimulatedFarm::deliver(const std::string& worker_id, const Task& task) {
   Write write{worker_id, task.name, task.lease, task.digest, false, now_};
-  Job* job = scheduler_->find_job(task.name.job_id);
+  Job* job = scheduler_->jobs().find(task.name.job_id);
   if (job != nullptr && !has_ended(job->state)) job->open_plan();
-  if (job == nullptr || !scheduler_->wants(*job, task.lease, task.name.unit) ||
-      scheduler_->is_quarantined(worker_id)) {
+  if (job == nullptr || !scheduler_->results().wants(*job, task.lease, task.name.unit) ||
+      scheduler_->quarantine().is_quarantined(worker_id)) {
     if (job != nullptr && job->plan) {
-      scheduler_->release_duplicate(*job, task.name.unit, worker_id);
+      scheduler_->results().release_duplicate(*job, task.name.unit, worker_id);
     }
     acknowledge(worker_id, task.name, AckStatus::obsolete);
   } else if (!answer_duplicate(*job, write)) {
-    write.has_audit = scheduler_->wants_audit(*job, task.name.unit, worker_id);
+    write.has_audit = scheduler_->audits().wants_audit(*job, task.name.unit, worker_id);
     write.durable = now_ + std::chrono::milliseconds(dice_.below(1500));
     writes_.push_back(write);
   }
@@ -302,19 +305,19 @@ void SimulatedFarm::deliver(const std::string& worker_id, const Task& task) {
 
 /// A block is durable.
 void SimulatedFarm::commit(const Write& write) {
-  Job* job = scheduler_->find_job(write.name.job_id);
+  Job* job = scheduler_->jobs().find(write.name.job_id);
   if (job == nullptr) return acknowledge(write.worker_id, write.name, AckStatus::obsolete);
-  if (!scheduler_->wants(*job, write.lease, write.name.unit)) {
+  if (!scheduler_->results().wants(*job, write.lease, write.name.unit)) {
     return acknowledge(write.worker_id, write.name, AckStatus::obsolete);
   }
   if (answer_duplicate(*job, write)) return;
   ++events_.commits;
   store_.at(job->key)->units[write.name.unit] = {write.worker_id, write.digest, write.has_audit};
-  scheduler_->commit(*job, write.name.unit, write.worker_id, 1);
-  if (scheduler_->is_quarantined(write.worker_id)) {
+  scheduler_->results().commit(*job, write.name.unit, write.worker_id, 1);
+  if (scheduler_->quarantine().is_quarantined(write.worker_id)) {
     redo_units(write.worker_id);
   } else if (write.has_audit) {
-    scheduler_->open_audit(*job, write.name.unit, write.worker_id, write.digest);
+    scheduler_->audits().open_audit(*job, write.name.unit, write.worker_id, write.digest);
   }
   acknowledge(write.worker_id, write.name, AckStatus::committed);
   finish_frames(*job);
@@ -331,13 +334,13 @@ void SimulatedFarm::run_disk() {
 
 void SimulatedFarm::finish_frames(Job& job) {
   if (has_ended(job.state) || !job.plan) return;
-  for (const std::int32_t frame : job.plan->frames()) {
+  for (const std::int32_t frame : job.plan->shape().frames) {
     if (job.plan->is_finished(frame) || !job.plan->is_complete(frame)) continue;
-    if (scheduler_->has_audits(job, frame)) continue;
+    if (scheduler_->audits().has_audits(job, frame)) continue;
     Stored& stored = *store_.at(job.key);
     std::erase_if(stored.units, [&](const auto& unit) { return unit.first.frame == frame; });
     stored.frames.insert(frame);
-    scheduler_->finish_frame(job, frame, now_);
+    scheduler_->results().finish_frame(job, frame, now_);
     if (has_ended(job.state)) return;
   }
 }
@@ -345,7 +348,7 @@ void SimulatedFarm::finish_frames(Job& job) {
 /// Drops what a faulty worker committed of unfinished frames.
 void SimulatedFarm::redo_units(const std::string& worker_id) {
   for (auto& [key, stored] : store_) {
-    Job* job = scheduler_->find_job(key);
+    Job* job = scheduler_->jobs().find(key);
     if (job == nullptr || has_ended(job->state)) continue;
     std::vector<Unit> bad;
     for (const auto& [unit, kept] : stored->units) {
@@ -354,10 +357,10 @@ void SimulatedFarm::redo_units(const std::string& worker_id) {
     for (const Unit& unit : bad) {
       ++events_.redone;
       stored->units.erase(unit);
-      scheduler_->redo(*job, unit);
+      scheduler_->results().redo(*job, unit);
     }
   }
-  scheduler_->offer_work(now_);
+  scheduler_->dispatcher().dispatch_all(now_);
 }
 
 void SimulatedFarm::apply_effects() {
@@ -371,18 +374,18 @@ void SimulatedFarm::apply_effects() {
       }
     }
     for (const WorkerKey key : effects.to_close) {
-      scheduler_->disconnect(key);
+      scheduler_->connections().disconnect(key);
       for (auto& [id, computer] : computers_) {
         if (computer->key == key) computer->is_connected = false;
       }
     }
     for (const JobKey key : effects.changed) {
-      const Job* job = scheduler_->find_job(key);
+      const Job* job = scheduler_->jobs().find(key);
       if (job != nullptr) store_.at(key)->state = job->state;
     }
     for (const UnitName& name : effects.audited) {
       ++events_.audits;
-      Job* job = scheduler_->find_job(name.job_id);
+      Job* job = scheduler_->jobs().find(name.job_id);
       if (job == nullptr) continue;
       auto& units = store_.at(job->key)->units;
       if (const auto unit = units.find(name.unit); unit != units.end()) {
@@ -396,7 +399,7 @@ void SimulatedFarm::apply_effects() {
       if (computer != computers_.end() && !computer->second->is_faulty) {
         violate(absl::StrCat("honest worker ", id, " is quarantined"));
       }
-      for (const std::string& name : scheduler_->names_to_ban(id)) bans_.insert(name);
+      for (const std::string& name : scheduler_->quarantine().names_to_ban(id)) bans_.insert(name);
       redo_units(id);
     }
     if (effects.changed.empty() && effects.audited.empty() && effects.faulty_workers.empty()) {
@@ -431,8 +434,9 @@ void SimulatedFarm::check() {
     violate(std::string(status.message()));
   }
   check_limits();
-  for (const auto& [key, job] : scheduler_->jobs()) {
-    if (job.state == JobState::failed && !scheduler_->check_possible(job).ok()) continue;
+  for (const auto& [key, job] : scheduler_->jobs().all()) {
+    if (job.state == JobState::failed && !scheduler_->dependencies().check_possible(job).ok())
+      continue;
     if (job.state == JobState::failed || job.is_paused_by_failures()) {
       violate(absl::StrCat("job failed: ", job.reason));
     }
@@ -443,16 +447,17 @@ void SimulatedFarm::check() {
       }
     }
   }
-  if (scheduler_->usage(now_).size() > kOwners) violate("use of more owners than there are");
+  if (scheduler_->limits().usage(now_).size() > kOwners)
+    violate("use of more owners than there are");
 }
 
 std::string SimulatedFarm::check_end() {
-  for (const auto& [key, job] : scheduler_->jobs()) {
+  for (const auto& [key, job] : scheduler_->jobs().all()) {
     if (job.state == JobState::done) continue;
     return absl::StrCat("job ", job.spec->id, " is ", state_name(job.state),
-                        " at the end: ", scheduler_->wait_text(job));
+                        " at the end: ", scheduler_->waiting().wait_text(job));
   }
-  for (const auto& [key, worker] : scheduler_->workers()) {
+  for (const auto& [key, worker] : scheduler_->workers().all()) {
     if (!worker.leased_units.empty()) return absl::StrCat(worker.id, " holds units at the end");
   }
   return "";
@@ -462,7 +467,7 @@ std::string SimulatedFarm::run() {
   for (int i = 0; i < kChaosSteps && violation_.empty(); ++i) step(false);
   resume_all();
   const auto is_over = [this] {
-    return std::all_of(scheduler_->jobs().begin(), scheduler_->jobs().end(),
+    return std::all_of(scheduler_->jobs().all().begin(), scheduler_->jobs().all().end(),
                        [](const auto& entry) { return has_ended(entry.second.state); });
   };
   for (int i = 0; i < kCalmSteps && violation_.empty() && !is_over(); ++i) step(true);

@@ -31,7 +31,7 @@ void SimulatedFarm::add_dependencies(JobSpec& spec) {
 /// Returns whether a frame of a job with this dependency may be leased.
 bool SimulatedFarm::is_met(const Dependency& dependency, std::int32_t frame) const {
   const auto removed = removed_.find(dependency.job_id);
-  const Job* other = scheduler_->find_job(dependency.job_id);
+  const Job* other = scheduler_->jobs().find(dependency.job_id);
   const JobState state = removed != removed_.end() ? removed->second : other->state;
   if (state == JobState::done) return true;
   switch (dependency.kind) {
@@ -48,7 +48,7 @@ bool SimulatedFarm::is_met(const Dependency& dependency, std::int32_t frame) con
 /// Returns the newest lease that was granted.
 Attempt SimulatedFarm::newest_lease() const {
   Attempt newest = last_lease_;
-  for (const auto& [key, worker] : scheduler_->workers()) {
+  for (const auto& [key, worker] : scheduler_->workers().all()) {
     for (const Lease& lease : worker.outbox.leases) newest = std::max(newest, lease.attempt);
   }
   return newest;
@@ -69,7 +69,7 @@ void SimulatedFarm::check_lease(const Computer& computer, const Job& job, const 
   }
   const contract::Unit unit{lease.frame, lease.first_tile, lease.pass};
   const bool is_audit = job.plan && job.plan->is_committed(unit);
-  const Worker* worker = scheduler_->find_worker(computer.key);
+  const Worker* worker = scheduler_->workers().find(computer.key);
   const bool is_held = worker != nullptr && worker->leased_units.count({job.key, unit}) > 0;
   const Account account{AccountScope::owner, job.spec->owner};
   if (stopped_.count(account) > 0 && lease.attempt > stopped_since_.at(account) && is_held &&
@@ -80,7 +80,7 @@ void SimulatedFarm::check_lease(const Computer& computer, const Job& job, const 
 
 /// Lets what workers brought back, and what was leased before a limit was lowered, run out.
 void SimulatedFarm::check_limits() {
-  const std::int64_t used = scheduler_->limits().all().at(kLimit).used;
+  const std::int64_t used = scheduler_->limits().table().all().at(kLimit).used;
   events_.full_limits += used == limit_ ? 1 : 0;
   if (used > std::max(limit_, excess_)) {
     violate(absl::StrCat(used, " units of a limit of ", limit_, " are in use"));
@@ -89,7 +89,7 @@ void SimulatedFarm::check_limits() {
 }
 
 void SimulatedFarm::retry(Job& job) {
-  if (!scheduler_->retry(job, now_).ok()) violate("cannot retry");
+  if (!scheduler_->lifecycle().retry(job, now_).ok()) violate("cannot retry");
   finish_frames(job);
 }
 
@@ -98,17 +98,17 @@ void SimulatedFarm::retry(Job& job) {
 void SimulatedFarm::resume_all() {
   is_resumed_ = true;
   stopped_.clear();
-  scheduler_->stop_accounts(stopped_, now_);
+  scheduler_->limits().stop_accounts(stopped_, now_);
   for (const auto& [key, stored] : store_) {
-    Job& job = *scheduler_->find_job(key);
-    if (job.state != JobState::done && !scheduler_->check_possible(job).ok()) {
+    Job& job = *scheduler_->jobs().find(key);
+    if (job.state != JobState::done && !scheduler_->dependencies().check_possible(job).ok()) {
       ++events_.impossible;
       auto spec = std::make_shared<JobSpec>(*job.spec);
       spec->after.clear();
       stored->spec = spec;
-      scheduler_->change(job, spec, now_);
+      scheduler_->changes().change(job, spec, now_);
     }
-    if (job.state == JobState::paused) scheduler_->resume(job, now_).IgnoreError();
+    if (job.state == JobState::paused) scheduler_->lifecycle().resume(job, now_).IgnoreError();
     if (job.state == JobState::cancelled || job.state == JobState::failed) retry(job);
   }
 }
@@ -117,25 +117,25 @@ void SimulatedFarm::resume_all() {
 
 void SimulatedFarm::disturb_jobs() {
   const JobKey key = 1 + dice_.below(static_cast<int>(last_job_));
-  Job* job = scheduler_->find_job(key);
+  Job* job = scheduler_->jobs().find(key);
   if (job == nullptr) return;
   switch (dice_.below(6)) {
     case 4:
       change_job(*job);
       break;
     case 5:
-      if (dice_.one_in(5)) scheduler_->cancel(*job, now_).IgnoreError();
+      if (dice_.one_in(5)) scheduler_->lifecycle().cancel(*job, now_).IgnoreError();
       if (has_ended(job->state)) remove_job(key);
       break;
     case 0:
-      scheduler_->pause(*job, "asked", now_).IgnoreError();
+      scheduler_->lifecycle().pause(*job, "asked", now_).IgnoreError();
       break;
     case 1:
     case 2:
-      scheduler_->resume(*job, now_).IgnoreError();
+      scheduler_->lifecycle().resume(*job, now_).IgnoreError();
       break;
     default:
-      if (dice_.one_in(3)) scheduler_->cancel(*job, now_).IgnoreError();
+      if (dice_.one_in(3)) scheduler_->lifecycle().cancel(*job, now_).IgnoreError();
       break;
   }
 }
@@ -153,11 +153,11 @@ void SimulatedFarm::change_job(Job& job) {
   if (dice_.one_in(4)) spec->after.clear();
   if (dice_.one_in(2)) toggle_block(job.key, *spec);
   store_.at(job.key)->spec = spec;
-  scheduler_->change(job, spec, now_);
-  if (job.state == JobState::failed && scheduler_->check_possible(job).ok()) {
+  scheduler_->changes().change(job, spec, now_);
+  if (job.state == JobState::failed && scheduler_->dependencies().check_possible(job).ok()) {
     retry(job);
   }
-  excess_ = std::max(excess_, scheduler_->limits().all().at(kLimit).used);
+  excess_ = std::max(excess_, scheduler_->limits().table().all().at(kLimit).used);
 }
 
 /// Blocks or unblocks one of the workers that come and go for the job.
@@ -179,10 +179,10 @@ void SimulatedFarm::toggle_aside() {
   ++events_.asides;
   aside_since_[computer->first] = newest_lease();
   if (aside_.erase(computer->first) > 0) {
-    scheduler_->bring_back(computer->first, now_);
+    scheduler_->orders().bring_back(computer->first, now_);
   } else {
     aside_.insert(computer->first);
-    scheduler_->set_aside(computer->first, "", now_);
+    scheduler_->orders().set_aside(computer->first, "", now_);
   }
 }
 
@@ -192,14 +192,14 @@ void SimulatedFarm::toggle_stop() {
   const Account account{AccountScope::owner, absl::StrCat("owner", dice_.below(4))};
   stopped_since_[account] = newest_lease();
   if (stopped_.erase(account) == 0) stopped_[account] = "used up";
-  scheduler_->stop_accounts(stopped_, now_);
+  scheduler_->limits().stop_accounts(stopped_, now_);
 }
 
 void SimulatedFarm::remove_job(JobKey key) {
   ++events_.removals;
-  removed_[store_.at(key)->spec->id] = scheduler_->find_job(key)->state;
+  removed_[store_.at(key)->spec->id] = scheduler_->jobs().find(key)->state;
   store_.erase(key);
-  scheduler_->remove_job(key);
+  scheduler_->lifecycle().remove_job(key);
 }
 
 void SimulatedFarm::disturb() {
@@ -227,21 +227,21 @@ void SimulatedFarm::disturb() {
     if (!computer->second->is_anchor) {
       const std::string pool = dice_.one_in(3) ? "" : dice_.one_in(2) ? "p" : kDefaultPool;
       moved_[computer->first] = pool;
-      scheduler_->move(computer->first, pool, now_);
+      scheduler_->orders().move(computer->first, pool, now_);
     }
   }
   if (dice_.one_in(100)) {
     limit_ = 2 + dice_.below(4);
-    scheduler_->set_limit(kLimit, limit_, now_);
-    excess_ = std::max(excess_, scheduler_->limits().all().at(kLimit).used);
+    scheduler_->limits().set_limit(kLimit, limit_, now_);
+    excess_ = std::max(excess_, scheduler_->limits().table().all().at(kLimit).used);
   }
   if (dice_.one_in(50)) {
     const auto computer =
         std::next(computers_.begin(), dice_.below(static_cast<int>(computers_.size())));
     if (!computer->second->is_anchor && computer->second->is_connected) {
-      if (dice_.one_in(2)) scheduler_->drain(computer->first);
-      scheduler_->allow(computer->first, now_);
-      for (const std::string& name : scheduler_->names_to_ban(computer->first)) {
+      if (dice_.one_in(2)) scheduler_->orders().drain(computer->first);
+      scheduler_->orders().allow(computer->first, now_);
+      for (const std::string& name : scheduler_->quarantine().names_to_ban(computer->first)) {
         bans_.erase(name);
       }
     }

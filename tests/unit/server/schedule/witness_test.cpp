@@ -25,7 +25,7 @@ TEST(Witness, OneWorkersFailuresDoNotFailJob) {
   EXPECT_EQ(job.unit_failures.at(unit.unit).failures.size(), 1u);
   ASSERT_EQ(farm.leased(good), std::vector<UnitName>{unit});
   farm.commit(good, unit);
-  farm.scheduler.finish_frame(job, 0, farm.now);
+  farm.scheduler.results().finish_frame(job, 0, farm.now);
   EXPECT_EQ(job.state, JobState::done);
 }
 
@@ -34,7 +34,7 @@ TEST(Witness, FailureOfUnitNotHeldIsIgnored) {
   Job& job = farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1", {.threads = 2, .credits = 4});
   const auto units = farm.leased(worker);
-  farm.scheduler.return_units(worker, {units[0]}, farm.now);
+  farm.scheduler.connections().return_units(worker, {units[0]}, farm.now);
   const WorkerKey other = farm.connect("w2", {.threads = 2, .credits = 4});
   ASSERT_EQ(farm.leased(other).at(0), units[0]);
   farm.fail(worker, units[0], absl::StatusCode::kInvalidArgument);
@@ -110,11 +110,11 @@ TEST(Witness, DisprovedBadSceneCountsAgainstWorker) {
   const WorkerKey good = farm.connect("good", {.threads = 3, .credits = 0});
   for (const UnitName& unit : units) farm.fail(bad, unit, absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(job.state, JobState::running);
-  farm.scheduler.grant_credits(good, 1, farm.now);
+  farm.scheduler.connections().grant_credits(good, 1, farm.now);
   for (int i = 0; i < 3; ++i) {
     for (const UnitName& unit : farm.leased(good)) farm.complete(good, unit);
   }
-  EXPECT_TRUE(farm.scheduler.find_worker(bad)->quarantined);
+  EXPECT_TRUE(farm.scheduler.workers().find(bad)->quarantined);
   EXPECT_TRUE(job.scene_faults.empty());
 }
 
@@ -125,9 +125,9 @@ TEST(Witness, SecondWitnessThatLeavesEndsTheWait) {
   const auto unit = farm.leased(one).at(0);
   const WorkerKey two = farm.connect("w2", {.threads = 1, .credits = 0});
   farm.fail(one, unit, absl::StatusCode::kNotFound);
-  EXPECT_EQ(farm.scheduler.wait_reason(job), WaitReason::other_worker);
+  EXPECT_EQ(farm.scheduler.waiting().wait_reason(job), WaitReason::other_worker);
   farm.pass(6s, {one});
-  ASSERT_TRUE(farm.scheduler.find_worker(two)->lost);
+  ASSERT_TRUE(farm.scheduler.workers().find(two)->lost);
   EXPECT_TRUE(farm.leased(one).empty()) << "the other one may come back";
   farm.pass(1min, {one});
   ASSERT_EQ(farm.leased(one), std::vector<UnitName>{unit});
@@ -162,7 +162,7 @@ TEST(Witness, LossesOfOneWorkerDoNotFailJob) {
   }
   EXPECT_EQ(losses, 3) << "then others go first";
   EXPECT_EQ(job.state, JobState::running);
-  farm.scheduler.grant_credits(good, 1, farm.now);
+  farm.scheduler.connections().grant_credits(good, 1, farm.now);
   EXPECT_EQ(farm.leased(good).size(), 1u);
 }
 
@@ -173,14 +173,14 @@ TEST(Witness, FailuresAcrossJobsSetWorkerAside) {
   for (int i = 0; i < 3; ++i) jobs.push_back(&farm.add_job({.tiles = 1, .priority = 3 - i}));
   const WorkerKey good = farm.connect("good", {.threads = 1, .credits = 0});
   for (int i = 0; i < 3; ++i) {
-    EXPECT_FALSE(farm.scheduler.find_worker(bad)->quarantined) << i << " jobs";
+    EXPECT_FALSE(farm.scheduler.workers().find(bad)->quarantined) << i << " jobs";
     farm.fail(bad, farm.leased(bad).at(0));
   }
-  EXPECT_TRUE(farm.scheduler.find_worker(bad)->quarantined);
+  EXPECT_TRUE(farm.scheduler.workers().find(bad)->quarantined);
   farm.pass(9min, {bad, good});
-  EXPECT_TRUE(farm.scheduler.find_worker(bad)->quarantined);
+  EXPECT_TRUE(farm.scheduler.workers().find(bad)->quarantined);
   farm.pass(2min, {bad, good});
-  EXPECT_FALSE(farm.scheduler.find_worker(bad)->quarantined);
+  EXPECT_FALSE(farm.scheduler.workers().find(bad)->quarantined);
 }
 
 TEST(Witness, BrokenJobsDoNotSetWorkersAside) {
@@ -195,8 +195,9 @@ TEST(Witness, BrokenJobsDoNotSetWorkersAside) {
       for (const UnitName& unit : farm.leased(key)) farm.fail(key, unit);
     }
   }
-  for (const auto& [key, job] : farm.scheduler.jobs()) EXPECT_TRUE(job.is_paused_by_failures());
-  for (const WorkerKey key : workers) EXPECT_FALSE(farm.scheduler.find_worker(key)->quarantined);
+  for (const auto& [key, job] : farm.scheduler.jobs().all())
+    EXPECT_TRUE(job.is_paused_by_failures());
+  for (const WorkerKey key : workers) EXPECT_FALSE(farm.scheduler.workers().find(key)->quarantined);
 }
 
 // Audits and bans ---------------------------------------------------------------------------------
@@ -208,10 +209,11 @@ TEST(Witness, CertificateCannotConfirmItsOwnResult) {
       farm.connect("faulty", {.threads = 1, .credits = 1, .certificate = "one"});
   const auto unit = farm.leased(faulty).at(0);
   const WorkerKey twin = farm.connect("twin", {.threads = 1, .credits = 1, .certificate = "one"});
-  EXPECT_FALSE(farm.scheduler.wants_audit(job, unit.unit, "faulty")) << "nobody else could decide";
+  EXPECT_FALSE(farm.scheduler.audits().wants_audit(job, unit.unit, "faulty"))
+      << "nobody else could decide";
   const WorkerKey honest = farm.connect("honest", {.threads = 1, .credits = 1});
   farm.commit(faulty, unit);
-  farm.scheduler.open_audit(job, unit.unit, "faulty", wrong);
+  farm.scheduler.audits().open_audit(job, unit.unit, "faulty", wrong);
   farm.pass(200ms, {faulty, twin, honest});
   EXPECT_TRUE(farm.leased(twin).empty());
   EXPECT_EQ(farm.leased(honest), std::vector<UnitName>{unit});
@@ -225,13 +227,13 @@ TEST(Witness, CertificateCannotOutvoteHonestWorker) {
   const auto unit = farm.leased(faulty).at(0);
   const WorkerKey honest = farm.connect("honest", {.threads = 1, .credits = 1, .certificate = "h"});
   farm.commit(faulty, unit);
-  farm.scheduler.open_audit(job, unit.unit, "faulty", wrong);
+  farm.scheduler.audits().open_audit(job, unit.unit, "faulty", wrong);
   farm.pass(100ms, {faulty, honest});
   ASSERT_EQ(farm.leased(honest).size(), 1u);
   const auto answer = [&](WorkerKey worker, const contract::Digest& digest) {
-    const std::string id = farm.scheduler.find_worker(worker)->id;
-    farm.scheduler.answer_audit(job, unit.unit, farm.leases.at({worker, unit}), {id, digest},
-                                {"faulty", wrong}, farm.now);
+    const std::string id = farm.scheduler.workers().find(worker)->id;
+    farm.scheduler.audits().answer_audit(job, unit.unit, farm.leases.at({worker, unit}),
+                                         {id, digest}, {"faulty", wrong}, farm.now);
   };
   answer(honest, truth);
   const WorkerKey third = farm.connect("third", {.threads = 1, .credits = 0, .certificate = "t"});
@@ -239,13 +241,13 @@ TEST(Witness, CertificateCannotOutvoteHonestWorker) {
   EXPECT_TRUE(farm.leased(twin).empty()) << "its certificate has answered";
   farm.leases[{twin, unit}] = farm.leases.at({honest, unit});
   answer(twin, wrong);
-  EXPECT_FALSE(farm.scheduler.is_quarantined("honest"));
-  farm.scheduler.grant_credits(third, 1, farm.now);
+  EXPECT_FALSE(farm.scheduler.quarantine().is_quarantined("honest"));
+  farm.scheduler.connections().grant_credits(third, 1, farm.now);
   ASSERT_EQ(farm.leased(third).size(), 1u);
   answer(third, truth);
-  EXPECT_FALSE(farm.scheduler.is_quarantined("honest"));
-  EXPECT_TRUE(farm.scheduler.is_quarantined("faulty"));
-  EXPECT_TRUE(farm.scheduler.is_quarantined("twin"));
+  EXPECT_FALSE(farm.scheduler.quarantine().is_quarantined("honest"));
+  EXPECT_TRUE(farm.scheduler.quarantine().is_quarantined("faulty"));
+  EXPECT_TRUE(farm.scheduler.quarantine().is_quarantined("twin"));
   const auto effects = farm.scheduler.take_effects();
   EXPECT_EQ(effects.faulty_workers, (std::vector<std::string>{"faulty", "twin"}));
 }
@@ -255,21 +257,21 @@ TEST(Witness, BanHoldsForCertificate) {
   farm.add_job({.tiles = 40});
   const WorkerKey worker = farm.connect("w1", {.certificate = "one"});
   EXPECT_FALSE(farm.leased(worker).empty());
-  const auto names = farm.scheduler.names_to_ban("w1");
-  farm.scheduler.ban("w1");
+  const auto names = farm.scheduler.quarantine().names_to_ban("w1");
+  farm.scheduler.quarantine().ban("w1");
   const WorkerKey again = farm.connect("w2", {.certificate = "one"});
   EXPECT_TRUE(farm.leased(again).empty());
-  EXPECT_TRUE(farm.scheduler.is_quarantined("w2"));
+  EXPECT_TRUE(farm.scheduler.quarantine().is_quarantined("w2"));
 
   SchedulerHarness restarted;
   restarted.add_job({.tiles = 40});
-  for (const std::string& name : names) restarted.scheduler.ban(name);
+  for (const std::string& name : names) restarted.scheduler.quarantine().ban(name);
   const WorkerKey third = restarted.connect("w3", {.certificate = "one"});
   EXPECT_TRUE(restarted.leased(third).empty());
   EXPECT_FALSE(restarted.leased(restarted.connect("w4", {.certificate = "two"})).empty());
 
-  EXPECT_TRUE(farm.scheduler.allow("w2", farm.now));
-  EXPECT_FALSE(farm.scheduler.find_worker(again)->quarantined);
+  EXPECT_TRUE(farm.scheduler.orders().allow("w2", farm.now));
+  EXPECT_FALSE(farm.scheduler.workers().find(again)->quarantined);
   EXPECT_FALSE(farm.leased(again).empty());
 }
 
@@ -283,13 +285,13 @@ TEST(Witness, FullOutboxClosesWorker) {
   const WorkerKey worker = farm.connect("w1");
   const UnitName unit = farm.leased(worker).at(0);
   for (int i = 0; i < 1000; ++i) {
-    farm.scheduler.acknowledge(worker, {unit, AckStatus::duplicate, ""});
+    farm.scheduler.connections().acknowledge(worker, {unit, AckStatus::duplicate, ""});
   }
-  EXPECT_FALSE(farm.scheduler.find_worker(worker)->connected);
-  EXPECT_LE(farm.scheduler.find_worker(worker)->outbox.size(), policy.max_outbox);
+  EXPECT_FALSE(farm.scheduler.workers().find(worker)->connected);
+  EXPECT_LE(farm.scheduler.workers().find(worker)->outbox.size(), policy.max_outbox);
   EXPECT_EQ(farm.scheduler.take_effects().to_close_unread, std::vector<WorkerKey>{worker});
   EXPECT_EQ(farm.connect("w1"), worker);
-  EXPECT_TRUE(farm.scheduler.find_worker(worker)->connected);
+  EXPECT_TRUE(farm.scheduler.workers().find(worker)->connected);
 }
 
 }  // namespace

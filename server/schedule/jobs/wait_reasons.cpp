@@ -1,8 +1,9 @@
-// Why a job is leased nothing, for its owner.
+#include "server/schedule/jobs/wait_reasons.h"
+
 #include "absl/strings/str_cat.h"
-#include "server/schedule/scheduler/scheduler.h"
 
 namespace tessera::server {
+
 namespace {
 
 std::string limit_text(const Limits& limits, const JobSpec& spec) {
@@ -17,50 +18,52 @@ std::string limit_text(const Limits& limits, const JobSpec& spec) {
 
 }  // namespace
 
-WaitReason Scheduler::wait_reason(const Job& job) const {
+WaitReason WaitReasons::wait_reason(const Job& job) const {
   if (job.state != JobState::queued && job.state != JobState::running) return WaitReason::none;
   if (job.is_over_budget) return WaitReason::budget;
   const bool is_blocked = job.is_blocked || !job.blocked_frames.empty();
   if (is_blocked && !job.is_runnable() && job.holders.empty()) return WaitReason::dependency;
-  if (present_.find("") == nullptr) return WaitReason::no_workers;
+  if (counts_.present().find("") == nullptr) return WaitReason::no_workers;
   const std::string& tag = job.requirement;
-  if (present_.find(requirement(job.spec->pool, "")) == nullptr) return WaitReason::no_pool;
-  if (present_.find(tag) == nullptr) return WaitReason::no_tag;
-  if (!has_witness_beyond(job, {})) return WaitReason::blocked;
+  if (counts_.present().find(requirement(job.spec->pool, "")) == nullptr)
+    return WaitReason::no_pool;
+  if (counts_.present().find(tag) == nullptr) return WaitReason::no_tag;
+  if (!witnesses_.has_witness_beyond(job, {})) return WaitReason::blocked;
   if (!job.is_runnable() || !job.holders.empty()) return WaitReason::none;
-  if (!missing_workers_.empty() && now_ < grace_ends_) return WaitReason::restart;
-  if (limits().room(job.spec->limits) == 0) return WaitReason::limit;
-  const JobQueue::QueueKey key = queue_key(job);
-  if (queue_.is_outranked(key)) return WaitReason::priority;
-  if (!job.unit_failures.empty() && idle_tags_.count(tag) > 0) return WaitReason::other_worker;
+  if (absences_.is_grace(ready_.now())) return WaitReason::restart;
+  if (ready_.limited().limits().room(job.spec->limits) == 0) return WaitReason::limit;
+  const JobQueue::QueueKey key = ReadyJobs::key_of(job);
+  if (ready_.queue().is_outranked(key)) return WaitReason::priority;
+  if (!job.unit_failures.empty() && counts_.idle_tags().count(tag) > 0)
+    return WaitReason::other_worker;
   // A job that has begun waits like this between any two leases.
   if (job.state == JobState::running) return WaitReason::none;
-  if (queue_.is_beyond_share(key)) return WaitReason::share;
-  if (queue_.oldest_of(key) != job.key) return WaitReason::older_job;
+  if (ready_.queue().is_beyond_share(key)) return WaitReason::share;
+  if (ready_.queue().oldest_of(key) != job.key) return WaitReason::older_job;
   return WaitReason::farm_busy;
 }
 
-std::string Scheduler::wait_text(const Job& job) const {
+std::string WaitReasons::wait_text(const Job& job) const {
   const std::string pool = job.spec->pool.empty() ? kDefaultPool : job.spec->pool;
   switch (wait_reason(job)) {
     case WaitReason::none:
       break;
     case WaitReason::budget:
-      return *stop_reason(job);
+      return *stopped_.reason_for(job);
     case WaitReason::blocked:
       return absl::StrCat("all connected workers that could render it are blocked for it; ",
                           "`tessera workers unblock WORKER --job ", job.spec->id, "` unblocks one");
     case WaitReason::no_workers:
       return "no workers connected";
     case WaitReason::dependency:
-      return dependency_text(job);
+      return checks_.dependency_text(job);
     case WaitReason::no_pool:
       return absl::StrCat("no connected worker is in pool ", pool);
     case WaitReason::no_tag:
       return absl::StrCat("no connected worker", pool == kDefaultPool ? "" : " of pool " + pool,
                           " has tag ", job.spec->required_tag);
     case WaitReason::limit:
-      return limit_text(limits(), *job.spec);
+      return limit_text(ready_.limited().limits(), *job.spec);
     case WaitReason::restart:
       return "workers may reconnect after the server's restart";
     case WaitReason::priority:

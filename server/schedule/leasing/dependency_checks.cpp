@@ -1,12 +1,11 @@
-// Jobs that wait for others, as a whole or frame by frame. The state of a dependency follows from
-// the state of the other job alone, so it is the same after a restart.
+#include "server/schedule/leasing/dependency_checks.h"
+
 #include <algorithm>
-#include <set>
 
 #include "absl/strings/str_cat.h"
-#include "server/schedule/scheduler/scheduler.h"
 
 namespace tessera::server {
+
 namespace {
 
 constexpr auto kFrames = Dependency::Kind::frames;
@@ -18,9 +17,8 @@ bool has_frame_dependency(const JobSpec& spec) {
 
 }  // namespace
 
-/// A job that is neither here nor known to be removed could not be read: its dependents wait.
-DependencyState Scheduler::state_of(const Dependency& dependency) const {
-  if (const Job* other = find_job(dependency.job_id)) {
+DependencyState DependencyChecks::state_of(const Dependency& dependency) const {
+  if (const Job* other = jobs_.find(dependency.job_id)) {
     return server::state_of(dependency.kind, other->state, false);
   }
   const auto removed = dependencies_.removed_state(dependency.job_id);
@@ -28,19 +26,18 @@ DependencyState Scheduler::state_of(const Dependency& dependency) const {
   return server::state_of(dependency.kind, *removed, true);
 }
 
-bool Scheduler::is_frame_blocked(const Job& job, std::int32_t frame) const {
+bool DependencyChecks::is_frame_blocked(const Job& job, std::int32_t frame) const {
   return std::any_of(job.spec->after.begin(), job.spec->after.end(),
                      [&](const Dependency& dependency) {
                        if (dependency.kind != kFrames) return false;
-                       const Job* other = find_job(dependency.job_id);
+                       const Job* other = jobs_.find(dependency.job_id);
                        if (other == nullptr) return state_of(dependency) != DependencyState::met;
                        if (other->state == JobState::done) return false;
                        return !other->plan || !other->plan->is_finished(frame);
                      });
 }
 
-/// Blocks or unblocks the job and its frames. The caller calls refresh().
-void Scheduler::check_dependencies(Job& job) {
+void DependencyChecks::check_dependencies(Job& job) {
   job.is_blocked = std::any_of(
       job.spec->after.begin(), job.spec->after.end(),
       [this](const Dependency& each) { return state_of(each) != DependencyState::met; });
@@ -55,26 +52,24 @@ void Scheduler::check_dependencies(Job& job) {
   }
 }
 
-/// Call after the job's state or its schedule has changed.
-void Scheduler::check_dependents(const Job& job) {
+void DependencyChecks::check_dependents(const Job& job) {
   for (const JobKey key : dependencies_.dependents(job.spec->id)) {
     Job& dependent = jobs_.at(key);
     check_dependencies(dependent);
-    refresh(dependent);
+    ready_.refresh(dependent);
   }
 }
 
-/// Call after a frame of the job is finished.
-void Scheduler::check_dependents(const Job& job, std::int32_t frame) {
+void DependencyChecks::check_dependents(const Job& job, std::int32_t frame) {
   for (const JobKey key : dependencies_.dependents(job.spec->id)) {
     Job& dependent = jobs_.at(key);
     if (dependent.blocked_frames.count(frame) == 0 || is_frame_blocked(dependent, frame)) continue;
     dependent.block_frame(frame, false);
-    refresh(dependent);
+    ready_.refresh(dependent);
   }
 }
 
-absl::Status Scheduler::check_possible(const Job& job) const {
+absl::Status DependencyChecks::check_possible(const Job& job) const {
   for (const Dependency& dependency : job.spec->after) {
     if (state_of(dependency) != DependencyState::impossible) continue;
     return absl::FailedPreconditionError(absl::StrCat(
@@ -85,24 +80,9 @@ absl::Status Scheduler::check_possible(const Job& job) const {
   return absl::OkStatus();
 }
 
-void Scheduler::note_removed(const std::string& job_id, JobState state) {
-  const std::set<JobKey> dependents = dependencies_.dependents(job_id);
-  if (dependents.empty()) return;
-  dependencies_.note_removed(job_id, state);
-  for (const JobKey key : dependents) {
-    Job& dependent = jobs_.at(key);
-    check_dependencies(dependent);
-    refresh(dependent);
-    const absl::Status possible = check_possible(dependent);
-    if (!possible.ok()) fail_job(dependent, possible, now_);
-  }
-  dispatch_all(now_);
-}
-
-/// Returns what the job waits for, for its owner; "" if for no other job.
-std::string Scheduler::dependency_text(const Job& job) const {
+std::string DependencyChecks::dependency_text(const Job& job) const {
   for (const Dependency& dependency : job.spec->after) {
-    const Job* other = find_job(dependency.job_id);
+    const Job* other = jobs_.find(dependency.job_id);
     const bool is_frames = dependency.kind == kFrames;
     if (is_frames ? job.blocked_frames.empty() : state_of(dependency) == DependencyState::met) {
       continue;

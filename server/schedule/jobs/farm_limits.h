@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "server/schedule/leasing/dispatcher.h"
+#include "server/schedule/tables/tables.h"
+
+namespace tessera::server {
+
+/// What holds jobs back across the farm: named limits, accounts that are stopped, fair share.
+class FarmLimits {
+ public:
+  FarmLimits(Tables& tables, Dispatcher& dispatcher)
+      : jobs_(tables.jobs),
+        stopped_(tables.stopped),
+        ready_(tables.ready),
+        dispatcher_(dispatcher) {}
+
+  /// Units of named limits, and how many are in use.
+  const Limits& table() const { return ready_.limited().limits(); }
+  void set_limit(const std::string& name, std::int64_t units, Time now);
+  /// Returns whether the limit existed.
+  bool remove_limit(const std::string& name, Time now);
+  /// Stops leasing units of jobs of these accounts, and only of these, for these reasons. Audits
+  /// continue.
+  void stop_accounts(StoppedAccounts::Reasons reasons, Time now);
+  void restore_usage(const std::vector<UsageRow>& table, Time now) {
+    ready_.queue().restore(table, now);
+  }
+  /// Returns the decayed use of every owner, without units in flight, for restore_usage() after a
+  /// restart; units in flight are charged again when their workers return.
+  std::vector<UsageRow> usage(Time now) const;
+
+ private:
+  JobTable& jobs_;
+  StoppedAccounts& stopped_;
+  ReadyJobs& ready_;
+  Dispatcher& dispatcher_;
+};
+
+}  // namespace tessera::server
