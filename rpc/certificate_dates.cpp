@@ -3,12 +3,14 @@
 #include <openssl/bio.h>
 #include <openssl/pem.h>
 #include <openssl/x509.h>
+#include <openssl/x509v3.h>
 
 #include <ctime>
 #include <memory>
 #include <utility>
 
 #include "absl/status/status.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 
@@ -19,19 +21,26 @@ constexpr std::chrono::hours kNotice{24 * 21};
 /// Longer than a server keeps a connection without closing it (server/service/server.cpp).
 constexpr std::chrono::minutes kHandover{15};
 
-std::string day_of(WallTime time) {
-  return absl::FormatTime("%Y-%m-%d %H:%M UTC", absl::FromChrono(time), absl::UTCTimeZone());
+using Certificate = std::unique_ptr<X509, void (*)(X509*)>;
+
+/// Reads the first certificate in a PEM file. Errors: as certificate_end().
+absl::StatusOr<Certificate> read_certificate(const std::string& path) {
+  const std::unique_ptr<BIO, int (*)(BIO*)> file(BIO_new_file(path.c_str(), "r"), BIO_free);
+  if (file == nullptr) return absl::NotFoundError(absl::StrCat(path, ": cannot read the file"));
+  Certificate certificate(PEM_read_bio_X509(file.get(), nullptr, nullptr, nullptr), X509_free);
+  if (certificate == nullptr) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": contains no certificate"));
+  }
+  return certificate;
 }
 
 /// Reads a date of the first certificate in a PEM file.
 absl::StatusOr<WallTime> date_of(const std::string& path,
                                  const ASN1_TIME* (*read_date)(const X509*)) {
-  const std::unique_ptr<BIO, int (*)(BIO*)> file(BIO_new_file(path.c_str(), "r"), BIO_free);
-  if (file == nullptr) return absl::NotFoundError(absl::StrCat(path, ": cannot read the file"));
-  const std::unique_ptr<X509, void (*)(X509*)> certificate(
-      PEM_read_bio_X509(file.get(), nullptr, nullptr, nullptr), X509_free);
+  const auto certificate = read_certificate(path);
+  if (!certificate.ok()) return certificate.status();
   std::tm date{};
-  if (certificate == nullptr || ASN1_TIME_to_tm(read_date(certificate.get()), &date) != 1) {
+  if (ASN1_TIME_to_tm(read_date(certificate->get()), &date) != 1) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": contains no certificate"));
   }
   return std::chrono::system_clock::from_time_t(::timegm(&date));
@@ -47,18 +56,45 @@ absl::StatusOr<WallTime> certificate_end(const std::string& path) {
   return date_of(path, X509_get0_notAfter);
 }
 
+std::string certificate_holder(const std::string& path) {
+  const std::string scheme = "tessera://";
+  const auto certificate = read_certificate(path);
+  if (!certificate.ok()) return {};
+  const std::unique_ptr<GENERAL_NAMES, void (*)(GENERAL_NAMES*)> names(
+      static_cast<GENERAL_NAMES*>(
+          X509_get_ext_d2i(certificate->get(), NID_subject_alt_name, nullptr, nullptr)),
+      GENERAL_NAMES_free);
+  for (int i = 0; i < sk_GENERAL_NAME_num(names.get()); ++i) {
+    const GENERAL_NAME* name = sk_GENERAL_NAME_value(names.get(), i);
+    if (name->type != GEN_URI) continue;
+    const ASN1_STRING* value = name->d.uniformResourceIdentifier;
+    const std::string uri(reinterpret_cast<const char*>(ASN1_STRING_get0_data(value)),
+                          static_cast<std::size_t>(ASN1_STRING_length(value)));
+    if (absl::StartsWith(uri, scheme)) return uri.substr(scheme.size());
+  }
+  return {};
+}
+
+std::string date_text(WallTime time) {
+  return absl::FormatTime("%Y-%m-%d %H:%M UTC", absl::FromChrono(time), absl::UTCTimeZone());
+}
+
 std::string expiry_warning(const std::string& certs, WallTime now) {
   if (certs.empty()) return {};
   for (const char* name : {"/tls.crt", "/ca.crt"}) {
-    const std::string path = certs + name;
-    const auto end = certificate_end(path);
-    if (!end.ok() || *end - now > kNotice) continue;
-    return absl::StrCat(
-        path, now < *end ? ": the certificate expires at " : ": the certificate expired at ",
-        day_of(*end), "; replace it with `tessera-server issue-cert` or ",
-        "`init-certs`, no restart is needed");
+    std::string warning = file_expiry_warning(certs + name, now);
+    if (!warning.empty()) return warning;
   }
   return {};
+}
+
+std::string file_expiry_warning(const std::string& path, WallTime now) {
+  const auto end = certificate_end(path);
+  if (!end.ok() || *end - now > kNotice) return {};
+  return absl::StrCat(
+      path, now < *end ? ": the certificate expires at " : ": the certificate expired at ",
+      date_text(*end), "; replace it with `tessera-server issue-cert` or ",
+      "`init-certs`, no restart is needed");
 }
 
 CertificateRenewal::CertificateRenewal(std::string certs)

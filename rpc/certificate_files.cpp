@@ -6,6 +6,7 @@
 #include <openssl/pem.h>
 #include <openssl/x509.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -45,22 +46,38 @@ absl::StatusOr<std::string> read_text(const std::string& path) {
   return std::string(std::istreambuf_iterator<char>(file), {});
 }
 
-/// Writes a file and syncs it.
-absl::Status write_text(const std::string& path, std::string_view text, mode_t mode) {
-  ::unlink(path.c_str());
-  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-  if (file < 0) return absl::ErrnoToStatus(errno, path);
+/// Gives a file that nobody has opened yet the owner and the mode of the one that it replaces.
+bool copy_owner_and_mode(const std::string& replaced, int file) {
+  struct stat old {};
+  if (::stat(replaced.c_str(), &old) != 0) return true;  // there is none
+  struct stat now {};
+  if (::fstat(file, &now) != 0) return false;
+  const bool has_owner = now.st_uid == old.st_uid && now.st_gid == old.st_gid;
+  return (has_owner || ::fchown(file, old.st_uid, old.st_gid) == 0) &&
+         ::fchmod(file, old.st_mode & (S_IRWXU | S_IRWXG | S_IRWXO)) == 0;
+}
+
+/// Writes `path`.part and syncs it. It has the owner and the mode of `path`, or `mode` if there is
+/// no such file.
+absl::Status write_part(const std::string& path, std::string_view text, mode_t mode) {
+  const std::string part = path + ".part";
+  ::unlink(part.c_str());
+  const int file = ::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+  if (file < 0) return absl::ErrnoToStatus(errno, part);
   const bool is_written =
+      copy_owner_and_mode(path, file) &&
       ::write(file, text.data(), text.size()) == static_cast<ssize_t>(text.size()) &&
       ::fsync(file) == 0;
-  absl::Status status = is_written ? absl::OkStatus() : absl::ErrnoToStatus(errno, path);
+  absl::Status status = is_written ? absl::OkStatus() : absl::ErrnoToStatus(errno, part);
   ::close(file);
   return status;
 }
 
-absl::Status move_file(const std::string& from, const std::string& to) {
-  return std::rename(from.c_str(), to.c_str()) == 0 ? absl::OkStatus()
-                                                    : absl::ErrnoToStatus(errno, to);
+/// Moves `path`.part to `path`.
+absl::Status move_part(const std::string& path) {
+  return std::rename((path + ".part").c_str(), path.c_str()) == 0
+             ? absl::OkStatus()
+             : absl::ErrnoToStatus(errno, path);
 }
 
 absl::Status sync_folder(const std::string& folder) {
@@ -76,10 +93,10 @@ absl::Status sync_folder(const std::string& folder) {
 /// certificate for microseconds only.
 absl::Status place(const std::string& folder, std::string_view key, std::string_view certificate) {
   const std::string key_path = folder + "/tls.key", certificate_path = folder + "/tls.crt";
-  absl::Status status = write_text(key_path + ".part", key, 0600);
-  if (status.ok()) status = write_text(certificate_path + ".part", certificate, 0644);
-  if (status.ok()) status = move_file(key_path + ".part", key_path);
-  if (status.ok()) status = move_file(certificate_path + ".part", certificate_path);
+  absl::Status status = write_part(key_path, key, 0600);
+  if (status.ok()) status = write_part(certificate_path, certificate, 0644);
+  if (status.ok()) status = move_part(key_path);
+  if (status.ok()) status = move_part(certificate_path);
   if (status.ok()) status = sync_folder(folder);
   return status;
 }
@@ -134,8 +151,8 @@ absl::Status install_certificate(const std::string& folder, std::string_view key
   }
   const std::string both = absl::StrCat(std::string(key), std::string(certificate));
   const std::string path = folder + kRenewed;
-  absl::Status status = write_text(path + ".part", both, 0600);
-  if (status.ok()) status = move_file(path + ".part", path);
+  absl::Status status = write_part(path, both, 0600);
+  if (status.ok()) status = move_part(path);
   if (status.ok()) status = sync_folder(folder);
   return status.ok() ? finish_install(folder) : status;
 }

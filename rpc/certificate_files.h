@@ -38,8 +38,9 @@ class CertificateLock {
   const int file_;
 };
 
-/// Replaces DIR/tls.key and DIR/tls.crt durably. A process that is killed in between leaves
-/// tls.renewed, from which finish_install() resumes. Requires the directory's lock.
+/// Replaces DIR/tls.key and DIR/tls.crt durably; owner and mode stay the same. A process that is
+/// killed in between leaves tls.renewed, from which finish_install() resumes. Requires the
+/// directory's lock.
 ///
 /// Errors: InvalidArgument, the certificate is not of this key; those of errno.
 absl::Status install_certificate(const std::string& folder, std::string_view key,

@@ -1,7 +1,5 @@
 #include "rpc/certificate_renewer.h"
 
-#include <grpcpp/client_context.h>
-
 #include <algorithm>
 #include <utility>
 
@@ -29,7 +27,7 @@ milliseconds until(WallTime time) {
 }  // namespace
 
 absl::StatusOr<bool> renew_certificate(const std::shared_ptr<grpc::Channel>& channel,
-                                       const std::string& folder) {
+                                       const std::string& folder, grpc::ClientContext& context) {
   const auto lock = CertificateLock::take(folder);
   if (!lock.ok()) return lock.status();
   const auto due = renewal_time(folder);
@@ -37,7 +35,6 @@ absl::StatusOr<bool> renew_certificate(const std::shared_ptr<grpc::Channel>& cha
   if (until(*due).count() > 0) return true;  // another process has been faster
   const auto key = make_key();
   if (!key.ok()) return key.status();
-  grpc::ClientContext context;
   prepare_call(context, "", kCallTimeout);
   v1::RenewCertificateRequest request;
   request.set_signing_request(key->signing_request);
@@ -56,13 +53,39 @@ CertificateRenewer::~CertificateRenewer() {
   {
     const std::lock_guard lock(mutex_);
     is_stopping_ = true;
+    if (running_ != nullptr) running_->TryCancel();
   }
   wake_.notify_all();
   thread_.join();
 }
 
 void CertificateRenewer::run() {
-  for (milliseconds pause = attempt(); wait(pause);) pause = attempt();
+  milliseconds pause = attempt();
+  {
+    const std::lock_guard lock(mutex_);
+    has_looked_ = true;
+  }
+  wake_.notify_all();
+  while (wait(pause)) pause = attempt();
+}
+
+bool CertificateRenewer::await_first_look(milliseconds timeout) {
+  std::unique_lock lock(mutex_);
+  return wake_.wait_for(lock, timeout, [this] { return has_looked_; });
+}
+
+/// Renews the certificate with a call that the destructor cancels.
+absl::Status CertificateRenewer::renew() {
+  grpc::ClientContext context;
+  {
+    const std::lock_guard lock(mutex_);
+    if (is_stopping_) return absl::CancelledError("the program ends");
+    running_ = &context;
+  }
+  const auto renewed = renew_certificate(options_.channel(), options_.folder, context);
+  const std::lock_guard lock(mutex_);
+  running_ = nullptr;
+  return renewed.status();
 }
 
 /// Renews the certificate if it is due. Returns the time until the next attempt.
@@ -71,12 +94,12 @@ milliseconds CertificateRenewer::attempt() {
   if (due.ok() && until(*due).count() > 0) {
     return std::clamp(until(*due), kShortestWait, kLongestWait);
   }
-  const absl::Status status =
-      due.ok() ? renew_certificate(options_.channel(), options_.folder).status() : due.status();
+  const absl::Status status = due.ok() ? renew() : due.status();
   if (status.ok()) {
     options_.renewed();
     return kShortestWait;
   }
+  if (absl::IsCancelled(status)) return kShortestWait;  // the destructor waits for the thread
   options_.failed(status);
   const auto end = certificate_end(options_.folder + "/tls.crt");
   const milliseconds left = end.ok() ? until(*end) : kLongestWait;

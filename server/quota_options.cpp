@@ -33,6 +33,7 @@ constexpr std::array<QuotaOption, kQuotaKinds.size()> kOptions = {{
     {"--client-streams", "With --certs: maximum open streams per client; 0: unlimited"},
     {"--client-event-subscriptions",
      "With --certs: maximum event subscriptions per client; 0: unlimited"},
+    {"--client-connections", "With --certs: maximum open connections per client; 0: unlimited"},
     {"--client-calls", "With --certs: maximum calls per second per client; 0: unlimited"},
     {"--client-upload-gb", "With --certs: maximum upload per client and hour, GB; 0: unlimited"},
 }};

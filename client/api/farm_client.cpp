@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <condition_variable>
-#include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
@@ -12,8 +11,9 @@
 #include <thread>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "rpc/certificate_dates.h"
+#include "client/api/client_certificate.h"
 #include "rpc/channel.h"
 #include "rpc/protocol_version.h"
 #include "rpc/rpc_status.h"
@@ -57,12 +57,11 @@ class Client : public FarmClient {
         token_(std::move(token)),
         certs_(connection.certs),
         connect_timeout_(connection.connect_timeout),
-        channel_(channel),
-        jobs_(v1::JobService::NewStub(channel)),
-        assets_(v1::AssetService::NewStub(channel)),
-        workers_(v1::WorkerService::NewStub(channel)),
-        farm_(v1::FarmService::NewStub(channel)),
-        random_(std::random_device{}()) {}
+        random_(std::random_device{}()) {
+    use(channel);
+    if (certs_.empty() || absl::StartsWith(address_, "unix:")) return;
+    certificate_ = std::make_unique<ClientCertificate>(certs_, [this] { return this->channel(); });
+  }
 
   ~Client() override {
     Client::cancel();
@@ -72,10 +71,10 @@ class Client : public FarmClient {
   Client& operator=(const Client&) = delete;
 
   void start_connecting() override {
-    connecting_ = std::thread([this] {
+    connecting_ = std::thread([this, channel = channel()] {
       const Clock::time_point end = Clock::now() + connect_timeout_;
       while (!is_cancelled() && Clock::now() < end &&
-             !channel_->WaitForConnected(std::chrono::system_clock::now() + kWaitSlice)) {
+             !channel->WaitForConnected(std::chrono::system_clock::now() + kWaitSlice)) {
       }
     });
   }
@@ -372,11 +371,11 @@ class Client : public FarmClient {
 
   absl::Status upload_asset(const v1::AssetId& asset, const std::string& path) override {
     const bool is_small = asset.size_bytes() <= kSmallUploadBytes;
-    if (!is_small) {
-      if (absl::Status status = open_uploads(); !status.ok()) return status;
-    }
-    v1::AssetService::Stub& stub = is_small ? *assets_ : *uploads_;
     return retry(milliseconds(0), [&](grpc::ClientContext& context) {
+      if (!is_small) {
+        if (absl::Status status = open_uploads(); !status.ok()) return status;
+      }
+      v1::AssetService::Stub& stub = is_small ? *assets_ : *uploads_;
       std::ifstream file(path, std::ios::binary);
       if (!file) return absl::NotFoundError(absl::StrCat(path, ": cannot read the file"));
       v1::UploadAssetResponse response;
@@ -445,15 +444,47 @@ class Client : public FarmClient {
     });
   }
 
+  std::shared_ptr<grpc::Channel> channel() {
+    const std::lock_guard lock(mutex_);
+    return channel_;
+  }
+
+  void use(const std::shared_ptr<grpc::Channel>& channel) {
+    jobs_ = v1::JobService::NewStub(channel);
+    assets_ = v1::AssetService::NewStub(channel);
+    workers_ = v1::WorkerService::NewStub(channel);
+    farm_ = v1::FarmService::NewStub(channel);
+    uploads_.reset();
+    const std::lock_guard lock(mutex_);
+    channel_ = channel;
+  }
+
+  /// Connects again if there is a new certificate: a connection ends with the one that it has.
+  /// Returns whether it did.
+  bool use_new_certificate() {
+    if (certificate_ == nullptr) return false;
+    if (!certificate_->take_replaced(std::chrono::system_clock::now())) return false;
+    const auto opened = contract::open_channel(address_, certs_);
+    if (opened.ok()) use(*opened);
+    return opened.ok();
+  }
+
   /// Runs `attempt` until it returns another status than Unavailable, or the time limit has passed.
   template <typename Attempt>
   absl::Status retry(milliseconds timeout, const Attempt& attempt) {
+    if (certificate_ != nullptr) certificate_->start(connect_timeout_);
     Clock::time_point start = Clock::now();
     milliseconds pause = kFirstPause;
     while (true) {
+      use_new_certificate();
       const std::int64_t contacts_before = contacts_;
       absl::Status status = run_once(timeout, attempt);
       if (is_cancelled()) return absl::CancelledError("interrupted");
+      if (!status.ok() && certificate_ != nullptr) {
+        const bool is_ended = absl::IsUnauthenticated(status) || absl::IsCancelled(status);
+        if (is_ended && use_new_certificate()) continue;  // the old one has expired
+        status = certificate_->explain(status, std::chrono::system_clock::now());
+      }
       if (!absl::IsUnavailable(status)) {
         note_contact();
         if (!absl::IsUnimplemented(status)) return status;
@@ -498,7 +529,7 @@ class Client : public FarmClient {
   void wait(milliseconds pause) {
     std::uniform_int_distribution<std::int64_t> jitter(pause.count() / 2, pause.count());
     const Clock::time_point end = Clock::now() + milliseconds(jitter(random_));
-    const bool was_connected = channel_->GetState(true) == GRPC_CHANNEL_READY;
+    const bool was_connected = channel()->GetState(true) == GRPC_CHANNEL_READY;
     while (!is_cancelled()) {
       const auto left = std::chrono::duration_cast<milliseconds>(end - Clock::now());
       if (left.count() <= 0) return;
@@ -506,7 +537,7 @@ class Client : public FarmClient {
       if (was_connected) {
         std::unique_lock lock(mutex_);
         wake_.wait_for(lock, slice, [this] { return cancelled_; });
-      } else if (channel_->WaitForConnected(std::chrono::system_clock::now() + slice)) {
+      } else if (channel()->WaitForConnected(std::chrono::system_clock::now() + slice)) {
         return;
       }
     }
@@ -521,20 +552,22 @@ class Client : public FarmClient {
 
   const std::string address_, token_, certs_;
   const milliseconds connect_timeout_;
-  const std::shared_ptr<grpc::Channel> channel_;  // owners: this and the stubs
-  const std::unique_ptr<v1::JobService::Stub> jobs_;
-  const std::unique_ptr<v1::AssetService::Stub> assets_;
-  const std::unique_ptr<v1::WorkerService::Stub> workers_;
-  const std::unique_ptr<v1::FarmService::Stub> farm_;
+  std::unique_ptr<v1::JobService::Stub> jobs_;
+  std::unique_ptr<v1::AssetService::Stub> assets_;
+  std::unique_ptr<v1::WorkerService::Stub> workers_;
+  std::unique_ptr<v1::FarmService::Stub> farm_;
   std::unique_ptr<v1::AssetService::Stub> uploads_;  // null before the first large upload
   std::thread connecting_;
   std::mt19937 random_;  // jitter only
   std::int64_t contacts_ = 0;
 
-  std::mutex mutex_;  // guards what follows
+  std::mutex mutex_;                        // guards what follows
+  std::shared_ptr<grpc::Channel> channel_;  // owners: this and the stubs
   std::condition_variable wake_;
   std::set<grpc::ClientContext*> running_;
   bool cancelled_ = false;
+
+  std::unique_ptr<ClientCertificate> certificate_;  // null without TLS; its thread uses the channel
 };
 
 }  // namespace
@@ -545,9 +578,6 @@ absl::StatusOr<std::unique_ptr<FarmClient>> FarmClient::connect(const Connection
   if (!token.ok()) return token.status();
   const auto channel = contract::open_channel(address, connection.certs);
   if (!channel.ok()) return channel.status();
-  const std::string warning =
-      contract::expiry_warning(connection.certs, std::chrono::system_clock::now());
-  if (!warning.empty()) std::fprintf(stderr, "warning: %s\n", warning.c_str());
   return std::make_unique<Client>(address, *std::move(token), connection, *channel);
 }
 

@@ -10,6 +10,7 @@
 #include <ctime>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "server/identity/openssl_objects.h"
@@ -208,6 +209,25 @@ absl::Status issue(const std::string& folder, Role role, const std::string& name
   return write_file(out + "/ca.crt", *authority_text, kPublic);
 }
 
+namespace {
+
+/// Checks that the list of issued certificates contains this one: another authority in ca.crt may
+/// have signed it.
+absl::Status check_issued(const std::string& folder, const std::string& uri,
+                          const std::string& serial) {
+  const auto issued = read_file(folder + "/issued");
+  if (!issued.ok()) return issued.status();
+  const std::string start = absl::StrCat(serial, " ", uri, " ");
+  if (absl::StartsWith(*issued, start) || absl::StrContains(*issued, "\n" + start)) {
+    return absl::OkStatus();
+  }
+  return absl::FailedPreconditionError(
+      absl::StrCat("the certificate of ", uri, " was not issued by this farm's authority (it is ",
+                   "not listed in ", folder, "/issued); have its issuer renew it"));
+}
+
+}  // namespace
+
 absl::StatusOr<std::string> renew(const std::string& folder, const Identity& present,
                                   const std::string& signing_request, std::int64_t now_s) {
   const std::int64_t middle_s = present.issued_s + (present.expires_s - present.issued_s) / 2;
@@ -238,9 +258,10 @@ absl::StatusOr<std::string> renew(const std::string& folder, const Identity& pre
                      "/ca.key; use `tessera-server issue-cert` where the authority's key is kept"));
   }
   if (!authority.ok()) return authority.status();
+  const std::string uri = identity_uri(present.role, present.name);
+  if (absl::Status status = check_issued(folder, uri, present.serial); !status.ok()) return status;
   Validity validity = following(present, now_s);
   validity.until_s = std::min(validity.until_s, validity_of(authority->certificate.get()).until_s);
-  const std::string uri = identity_uri(present.role, present.name);
   const Extensions extensions{"critical,CA:FALSE", "critical,digitalSignature", "clientAuth",
                               "URI:" + uri};
   const auto certificate = sign_certificate(key, present.name, extensions, validity, &*authority);

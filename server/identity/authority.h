@@ -45,8 +45,8 @@ absl::Status issue(const std::string& folder, Role role, const std::string& name
 /// (PKCS #10, PEM): the same role and name, valid as long from now on. Lists it in `issued`.
 ///
 /// Errors: InvalidArgument, the request is malformed or its key is not on P-256;
-/// FailedPrecondition, less than half of the present one's validity has passed, or the authority's
-/// key is not in `folder`; Unauthenticated, the present one is revoked.
+/// FailedPrecondition, less than half of the present one's validity has passed, the authority's key
+/// is not in `folder`, or the present one is not in `issued`; Unauthenticated, it is revoked.
 absl::StatusOr<std::string> renew(const std::string& folder, const Identity& present,
                                   const std::string& signing_request, std::int64_t now_s);
 

@@ -137,9 +137,10 @@ AcceptGate::~AcceptGate() {
   if (stop_event_ >= 0) ::close(stop_event_);
 }
 
-void AcceptGate::start(std::unique_ptr<Acceptor> acceptor,
+void AcceptGate::start(std::unique_ptr<Acceptor> acceptor, ClientConnections* connections,
                        std::function<void(const std::string&)> warn) {
   acceptor_ = std::move(acceptor);
+  connections_ = connections;
   warn_ = std::move(warn);
   thread_ = std::thread([this] { run(); });
 }
@@ -175,7 +176,10 @@ void AcceptGate::run() {
 
 bool AcceptGate::accept_from(int listener) {
   while (true) {
-    const int fd = ::accept4(listener, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    sockaddr_storage peer{};
+    socklen_t size = sizeof peer;
+    const int fd = ::accept4(listener, reinterpret_cast<sockaddr*>(&peer), &size,
+                             SOCK_NONBLOCK | SOCK_CLOEXEC);
     if (fd < 0) {
       if (errno == EINTR || errno == ECONNABORTED) continue;
       if (errno == EAGAIN || errno == EWOULDBLOCK) return false;
@@ -183,15 +187,21 @@ bool AcceptGate::accept_from(int listener) {
       return true;
     }
     if (fd >= first_reserved_) {
-      ::close(fd);
-      ++refused_count_;
+      refuse(fd);
       return true;
     }
+    if (connections_ != nullptr) connections_->add(fd, peer, std::chrono::steady_clock::now());
     Acceptor::NewConnectionParameters connection;
     connection.listener_fd = listener;
     connection.fd = fd;
     acceptor_->HandleNewConnection(&connection);
   }
+}
+
+void AcceptGate::refuse(int fd) {
+  ::close(fd);
+  ++refused_count_;
+  if (connections_ != nullptr) connections_->cut_silent(std::chrono::steady_clock::now());
 }
 
 void AcceptGate::report_refused() {

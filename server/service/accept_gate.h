@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/service/access/client_connections.h"
 
 namespace tessera::server {
 
@@ -19,7 +20,8 @@ namespace tessera::server {
 /// gRPC's own listener takes the last descriptor of the process and stops for good when there is
 /// none. This one leaves some to files: a new descriptor has the lowest free number, so a
 /// connection whose number is in the upper part of the limit shows that the lower part is used up.
-/// It is closed at once, before any handshake; accepted connections are not disturbed.
+/// It is closed at once, before any handshake. Of the accepted connections, only one over which no
+/// caller has made a call is ended then.
 class AcceptGate {
  public:
   using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
@@ -33,8 +35,10 @@ class AcceptGate {
 
   std::uint16_t port() const { return port_; }
   /// Starts to accept, until stop(). `warn` is called when connections were refused, at most every
-  /// 10 s, on the gate's thread.
-  void start(std::unique_ptr<Acceptor> acceptor, std::function<void(const std::string&)> warn);
+  /// 10 s, on the gate's thread. `connections` is told of every connection; null: the server does
+  /// not tell callers apart.
+  void start(std::unique_ptr<Acceptor> acceptor, ClientConnections* connections,
+             std::function<void(const std::string&)> warn);
   void stop();
 
  private:
@@ -44,6 +48,7 @@ class AcceptGate {
   void run();
   /// Accepts all pending connections of a listening socket; returns whether descriptors ran out.
   bool accept_from(int listener);
+  void refuse(int fd);
   void report_refused();
 
   std::vector<int> listeners_;
@@ -51,6 +56,7 @@ class AcceptGate {
   std::uint16_t port_ = 0;
   int first_reserved_ = 0;  // smallest descriptor that is kept for files
   std::unique_ptr<Acceptor> acceptor_;
+  ClientConnections* connections_ = nullptr;
   std::function<void(const std::string&)> warn_;
   std::int64_t refused_count_ = 0;  // since the last warning
   std::thread thread_;

@@ -167,7 +167,7 @@ class GrpcFarmServer final : public FarmServer {
     address_ = address;
     if (gate_ != nullptr) {
       address_ = absl::StrCat(address.substr(0, address.rfind(':')), ":", gate_->port());
-      gate_->start(std::move(acceptor),
+      gate_->start(std::move(acceptor), access_.connections(),
                    [log = log_](const std::string& text) { log(LogLevel::warn, text); });
     }
     return absl::OkStatus();
@@ -196,7 +196,7 @@ class GrpcFarmServer final : public FarmServer {
   }
 
   /// Until the server stops, passes the state of health to the health service and ends streams
-  /// whose callers are no longer allowed.
+  /// and connections of callers who are not allowed to have them.
   void watch_over() {
     grpc::HealthCheckServiceInterface* service = server_->GetHealthCheckService();
     do {
@@ -204,7 +204,7 @@ class GrpcFarmServer final : public FarmServer {
       service->SetServingStatus("liveness", health_.why_dead().empty());
       service->SetServingStatus("readiness", is_ready);
       service->SetServingStatus("", is_ready);
-      access_.cut_refused_streams();
+      access_.cut_refused();
       renew_certificate();
     } while (!stopping_.WaitForNotificationWithTimeout(kHealthPeriod));
   }

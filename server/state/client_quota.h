@@ -26,6 +26,7 @@ struct ClientQuota {
   double stored_gb = 0;            // scene files and results, and what unfinished jobs may need
   double streams = 8;              // open at once
   double event_subscriptions = 4;  // streams of events among them
+  double connections = 100;        // open at once
   double calls = 500;              // per second
   double upload_gb = 50;           // per hour
 };
@@ -38,7 +39,7 @@ struct QuotaKind {
   const char* advice;           // what a client over the limit can do
 };
 /// All kinds, in the order of ClientQuota's members.
-inline constexpr std::array<QuotaKind, 8> kQuotaKinds = {{
+inline constexpr std::array<QuotaKind, 9> kQuotaKinds = {{
     {"jobs", &ClientQuota::jobs, "unfinished jobs", "wait for jobs to finish, or cancel some"},
     {"gigasamples", &ClientQuota::gigasamples, "billion samples of unfinished jobs",
      "wait for jobs to finish, cancel some, or ask for fewer samples"},
@@ -49,6 +50,8 @@ inline constexpr std::array<QuotaKind, 8> kQuotaKinds = {{
     {"streams", &ClientQuota::streams, "open streams", "close one, such as a watch or a transfer"},
     {"event-subscriptions", &ClientQuota::event_subscriptions, "event subscriptions",
      "end one, such as a webhook or `tessera events --follow`"},
+    {"connections", &ClientQuota::connections, "open connections",
+     "end some programs that use this certificate, or let one make their calls"},
     {"calls", &ClientQuota::calls, "calls per second", "retry later, and call less often"},
     {"upload-gb", &ClientQuota::upload_gb, "GB uploaded per hour", "retry later"},
 }};

@@ -10,6 +10,9 @@ serial() { openssl x509 -in "$1" -noout -serial; }
 
 tessera-server init-certs "$certs" --host 127.0.0.1 --days 0.0003 2>"$work/err" # 25 s
 tessera-server issue-cert "$certs" --role client --name ann >/dev/null
+tessera-server issue-cert "$certs" --role client --name eve --days 0.00025 >/dev/null # 21 s
+tessera-server issue-cert "$certs" --role client --name tom --days 0.0001 >/dev/null # 9 s
+eve_serial=$(serial "$certs/client-eve/tls.crt")
 tessera-server issue-cert "$certs" --role worker --name rack --days 0.00025 >/dev/null # 21 s
 server_serial=$(serial "$certs/tls.crt")
 worker_serial=$(serial "$mine/tls.crt")
@@ -22,6 +25,10 @@ tessera-worker --server "$address" --certs "$mine" --threads 1 --name one --cach
   --token "$work/join.token" --log-level debug >>"$work/worker-one.log" 2>&1 &
 worker_pid[one]=$!
 wait_until 20 "the worker is connected" grep -q "connected: one" "$work/server.log"
+
+held=$(as client-eve submit "$scenes/lit_square.gltf" --size 48x32 --spp 8 --name held --require-tag nobody)
+as client-eve watch "$held" >"$work/eve" 2>&1 &
+worker_pid[watch]=$!
 
 wait_until 30 "the worker's certificate is new" is_new "$mine/tls.crt" "$worker_serial"
 [ "$(sha256sum <"$mine/tls.key")" != "$worker_key" ] || fail "the worker kept its key"
@@ -39,9 +46,22 @@ grep -q "the certificate has been renewed" "$work/worker-one.log" || fail "the w
 grep -q "the server's certificate has been renewed" "$work/server.log" || fail "nor does the server"
 say "a job is rendered after the first certificates have expired"
 
+# The watch of eve began with the first certificate, which has expired.
+kill -0 "${worker_pid[watch]}" || fail "the watch has ended: $(cat "$work/eve")"
+is_new "$certs/client-eve/tls.crt" "$eve_serial" || fail "the client's certificate is the old one"
+equal "the client's key is private" "$(stat -c %a "$certs/client-eve/tls.key")" 600
+as client-eve cancel "$held" >/dev/null
+wait_until 10 "the watch sees the end" gone "${worker_pid[watch]}"
+grep -qi cancelled "$work/eve" || fail "the watch does not say so: $(cat "$work/eve")"
+exits 3 as client-tom list
+says "client-tom/tls.crt: the certificate expired at"
+says "tessera-server issue-cert CERTS --role client --name tom"
+say "a watch survives the certificate it began with; an expired one is named"
+
 as client-ann quotas --json >"$work/quotas.json"
 grep -q '"quota": *"stored-gb"' "$work/quotas.json" || fail "no quotas"
 exits 2 tessera-server --listen unix:"$work/none" --store "$work/none" --client-quota ann:streems=3
+grep -q '"quota": *"connections"' "$work/quotas.json" || fail "no quota of connections"
 says "unknown quota \"streems\"; expected one of jobs, gigasamples"
 printf 'client-streems = 3\n' >"$work/bad.toml"
 exits 2 tessera-server --listen unix:"$work/none" --store "$work/none" --config "$work/bad.toml"

@@ -132,11 +132,19 @@ absl::StatusOr<Caller> Access::admit(grpc::CallbackServerContext& context,
                                                     caller->identity->name, " may not call ",
                                                     std::string(rpc)));
   }
+  if (caller->identity && !is_client(*caller)) {
+    limits_->note_connection(identity_uri(caller->identity->role, caller->identity->name),
+                             context.peer(), Clock::now());
+  }
   std::shared_ptr<const void> reservation;
   if (is_client(*caller)) {
     const std::string& client = caller->identity->name;
     if (absl::Status status = limits_->count_call(client, Clock::now()); !status.ok()) {
       context.AddTrailingMetadata(contract::kRetryKey, "");
+      return status;
+    }
+    if (absl::Status status = limits_->count_connection(client, context.peer(), Clock::now());
+        !status.ok()) {
       return status;
     }
     if (rule->is_stream) {
@@ -153,8 +161,9 @@ absl::StatusOr<Caller> Access::admit(grpc::CallbackServerContext& context,
   return caller;
 }
 
-void Access::cut_refused_streams() const {
+void Access::cut_refused() const {
   if (!streams_) return;
+  limits_->connections().cut_refused(Clock::now());
   streams_->cut_refused(
       [this](const Identity& identity) {
         return recheck(Caller{identity, nullptr}).ok();

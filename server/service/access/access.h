@@ -62,18 +62,21 @@ class Access {
   ///
   /// Errors: Unauthenticated, no token or a wrong one, or a certificate that is revoked, expired or
   /// without a role; PermissionDenied, the role may not call it; ResourceExhausted, this client has
-  /// too many open streams or calls too often. Answer with finish() or refuse() (service/finish.h).
+  /// too many open connections or streams or calls too often. Answer with finish() or refuse()
+  /// (service/finish.h).
   absl::StatusOr<Caller> admit(grpc::CallbackServerContext& context, std::string_view rpc) const;
   /// Checks that a caller admitted earlier is still allowed; for long streams, which can then end
   /// with a status that says why.
   absl::Status recheck(const Caller& caller) const;
   /// Ends the streams of callers whose certificates have been revoked or have expired, whatever
-  /// they wait for. Call about twice a second.
-  void cut_refused_streams() const;
+  /// they wait for, and connections over a client's quota. Call about twice a second.
+  void cut_refused() const;
   /// Counts bytes that a caller is about to upload. Errors: ResourceExhausted, limit exceeded.
   absl::Status count_upload(const Caller& caller, std::int64_t bytes) const;
   /// The limits of clients; null without certificates.
   const ClientLimits* limits() const { return limits_.get(); }
+  /// The connections of callers; null without certificates.
+  ClientConnections* connections() const { return limits_ ? &limits_->connections() : nullptr; }
 
  private:
   absl::StatusOr<Caller> identify(const grpc::CallbackServerContext& context) const;

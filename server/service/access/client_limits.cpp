@@ -61,6 +61,18 @@ absl::StatusOr<std::shared_ptr<const void>> ClientLimits::reserve_stream(const s
   });
 }
 
+absl::Status ClientLimits::count_connection(const std::string& client, const std::string& peer,
+                                            Time now) {
+  const double limit = quotas_.of(client).connections;
+  const auto count = static_cast<double>(connections_.use(client, peer, limit, now));
+  if (limit == 0 || count <= limit) return absl::OkStatus();
+  return refuse(client, &ClientQuota::connections, count);
+}
+
+void ClientLimits::note_connection(const std::string& caller, const std::string& peer, Time now) {
+  connections_.use(caller, peer, 0, now);
+}
+
 absl::Status ClientLimits::count_call(const std::string& client, Time now) {
   const double rate = quotas_.of(client).calls;
   const std::lock_guard lock(uses_->mutex);
@@ -90,6 +102,9 @@ std::set<std::string> ClientLimits::clients() const {
 }
 
 double ClientLimits::used(const std::string& client, const QuotaKind& kind, Time now) const {
+  if (kind.member == &ClientQuota::connections) {
+    return static_cast<double>(connections_.count(client));
+  }
   const ClientQuota& quota = quotas_.of(client);
   const std::lock_guard lock(uses_->mutex);
   const auto found = uses_->by_client.find(client);

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "server/service/access/client_connections.h"
 #include "server/state/client_quota.h"
 
 namespace tessera::server {
@@ -18,9 +19,9 @@ namespace tessera::server {
 /// down by that: its connection has a limited number of calls in progress.
 std::chrono::milliseconds pause_before_answer(const absl::Status& refusal);
 
-/// Limits open streams, event subscriptions, calls and uploaded bytes per client name over all its
-/// connections. Calls and bytes are leaky buckets: a burst may have ten seconds of calls or an hour
-/// of bytes. Errors are ResourceExhausted, see over_quota(). Thread-safe.
+/// Limits open streams, event subscriptions, connections, calls and uploaded bytes per client name
+/// over all its connections. Calls and bytes are leaky buckets: a burst may have ten seconds of
+/// calls or an hour of bytes. Errors are ResourceExhausted, see over_quota(). Thread-safe.
 class ClientLimits {
  public:
   using Time = std::chrono::steady_clock::time_point;
@@ -32,6 +33,10 @@ class ClientLimits {
   /// Reserves a stream until the result is destroyed.
   absl::StatusOr<std::shared_ptr<const void>> reserve_stream(const std::string& client,
                                                              bool is_subscription);
+  /// Counts the connection of a call. `peer`: as of grpc::ServerContext::peer().
+  absl::Status count_connection(const std::string& client, const std::string& peer, Time now);
+  /// Notes that a caller without limits uses a connection.
+  void note_connection(const std::string& caller, const std::string& peer, Time now);
   /// Counts a call. The refusal has a pause.
   absl::Status count_call(const std::string& client, Time now);
   /// Counts bytes about to be uploaded.
@@ -43,6 +48,7 @@ class ClientLimits {
   /// seconds. 0 for kinds that are not limited here.
   double used(const std::string& client, const QuotaKind& kind, Time now) const;
   const ClientQuotas& quotas() const { return quotas_; }
+  ClientConnections& connections() { return connections_; }
 
  private:
   /// A leaky bucket. `level`: the amount that has not leaked yet.
@@ -65,6 +71,7 @@ class ClientLimits {
 
   const ClientQuotas quotas_;
   const std::function<void(const QuotaKind&)> refused_;
+  ClientConnections connections_;
   const std::shared_ptr<Uses> uses_ =
       std::make_shared<Uses>();  // owners: this and the reservations
 };

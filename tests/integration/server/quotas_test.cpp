@@ -2,6 +2,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "tessera/v1/farm_service.grpc.pb.h"
@@ -94,6 +95,70 @@ TEST_F(QuotasTest, EventSubscriptionsAreCountedApart) {
   EXPECT_EQ(use_of("ann")["event-subscriptions"].used(), 1);
   EXPECT_EQ(use_of("ann")["streams"].used(), 1);
   first.TryCancel();
+}
+
+class FewConnections : public QuotasTest {
+ protected:
+  FewConnections() { quotas_.by_client["ann"].connections = 3; }
+
+  /// Makes a call over each of some new connections.
+  std::vector<std::shared_ptr<grpc::Channel>> connect(const std::string& name, int count) const {
+    std::vector<std::shared_ptr<grpc::Channel>> channels;
+    for (int i = 0; i < count; ++i) {
+      channels.push_back(channel(name));
+      EXPECT_TRUE(try_call(channels.back()).ok()) << i;
+    }
+    return channels;
+  }
+  /// Waits until a client has so many connections, at most 5 s.
+  double connections_of(const std::string& client, double expected) const {
+    double open = -1;
+    for (int i = 0; i < 100 && open != expected; ++i) {
+      open = use_of(client)["connections"].used();
+      if (open != expected) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    return open;
+  }
+};
+
+TEST_F(FewConnections, OneMoreIsRefusedAndClosed) {
+  const auto open = connect("ann", 3);
+  const auto more = channel("ann");
+  const grpc::Status refused = try_call(more);
+  EXPECT_EQ(refused.error_code(), StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(refused.error_message(),
+            "quota connections: client ann would use 4 of 3 open connections; end some programs "
+            "that use this certificate, or let one make their calls, or ask the operator to raise "
+            "--client-connections");
+  EXPECT_EQ(refusals("connections"), 1);
+  EXPECT_TRUE(more->WaitForStateChange(GRPC_CHANNEL_READY,
+                                       std::chrono::system_clock::now() + std::chrono::seconds(5)))
+      << "the server ends the connection";
+  for (const auto& each : open) EXPECT_TRUE(try_call(each).ok()) << "the others go on";
+  EXPECT_EQ(use_of("ann")["connections"].used(), 3);
+  EXPECT_EQ(use_of("ann")["connections"].limit(), 3);
+}
+
+TEST_F(FewConnections, ClosedOneFreesItsPlace) {
+  auto open = connect("ann", 3);
+  EXPECT_EQ(connections_of("ann", 3), 3);
+  open.pop_back();
+  EXPECT_EQ(connections_of("ann", 2), 2);
+  EXPECT_TRUE(try_call("ann").ok());
+}
+
+TEST_F(FewConnections, OthersAreNotAffected) {
+  const auto open = connect("ann", 3);
+  const auto others = connect("bob", 8), admins = connect("root", 8);
+  EXPECT_EQ(try_call("ann").error_code(), StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_TRUE(try_call("bob").ok());
+  EXPECT_EQ(use_of("bob")["connections"].limit(), 100) << "the default";
+}
+
+TEST_F(FewConnections, ManyCallsOfOneAreOneConnection) {
+  const auto open = channel("ann");
+  for (int i = 0; i < 20; ++i) EXPECT_TRUE(try_call(open).ok());
+  EXPECT_EQ(use_of("ann")["connections"].used(), 1);
 }
 
 TEST_F(QuotasTest, ClientSeesOnlyItsOwn) {

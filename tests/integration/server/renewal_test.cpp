@@ -189,7 +189,8 @@ TEST_F(RenewalTest, SharedDirectoryIsRenewedOnce) {
   for (int i = 0; i < 8; ++i) {
     processes.emplace_back([&] {
       while (true) {
-        const auto renewed = contract::renew_certificate(open, certs_of("shared"));
+        grpc::ClientContext context;
+        const auto renewed = contract::renew_certificate(open, certs_of("shared"), context);
         if (!absl::IsUnavailable(renewed.status())) {
           EXPECT_TRUE(renewed.ok()) << renewed.status();
           ++done;
