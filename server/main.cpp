@@ -17,7 +17,7 @@
 #include "server/config.h"
 #include "server/coordinator/coordinator.h"
 #include "server/identity/join_tokens.h"
-#include "server/service/messages/messages.h"
+#include "server/service/messages/job_messages.h"
 #include "server/service/server.h"
 #include "server/store/files/filesystem.h"
 #include "server/store/store.h"

@@ -9,6 +9,7 @@
 #include "server/service/access/protocol_check.h"
 #include "server/service/finish.h"
 #include "server/service/messages/message_budget.h"
+#include "server/service/messages/job_messages.h"
 #include "server/service/messages/messages.h"
 #include "server/service/streams/event_stream.h"
 #include "server/service/streams/frame_stream.h"

@@ -10,6 +10,7 @@
 #include "server/service/finish.h"
 #include "server/service/messages/field_checks.h"
 #include "server/service/messages/message_budget.h"
+#include "server/service/messages/job_messages.h"
 #include "server/service/messages/messages.h"
 #include "server/service/streams/deliver_stream.h"
 #include "server/service/streams/work_stream.h"

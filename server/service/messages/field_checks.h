@@ -14,8 +14,8 @@ namespace tessera::server {
 // Checks of fields of messages, and values that several messages have. Errors: InvalidArgument,
 // "field: value, requirement".
 
-/// Maximum length of names and IDs.
-inline constexpr std::size_t kMaxIdLetters = 64;
+/// Maximum length of IDs and of names.
+inline constexpr std::size_t kMaxIdLetters = 64, kMaxNameLetters = 200;
 
 /// Returns the error "field: need".
 absl::Status bad(const std::string& field, const std::string& need);

@@ -16,21 +16,7 @@ namespace tessera::server {
 /// Maximum number of missing tiles in a message, 20 bytes each.
 inline constexpr std::size_t kTilesPerMessage = 65'536;
 
-/// Converts a request to a job's spec for `owner`.
-absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::string& owner);
-
-absl::StatusOr<JobAdmin::Update> from_message(const v1::UpdateJobRequest& message);
 v1::Limit to_message(const LimitView& limit);
-
-/// Parses a job's spec from its row. Errors: DataLoss.
-absl::StatusOr<JobSpec> read_spec(const JobRecord& record);
-
-/// Serialises the request of `spec` with what may change after its creation.
-std::string write_request(const JobSpec& spec);
-
-v1::FailedAttempt to_message(const FailedAttempt& attempt);
-v1::Job to_message(const JobView& view);
-v1::SceneManifest to_manifest(const JobSpec& spec);
 v1::Event to_message(const Event& event);
 v1::Delivery to_message(const Delivery& delivery);
 v1::Worker to_message(const Worker& worker, double silence_seconds);

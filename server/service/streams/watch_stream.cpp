@@ -7,7 +7,7 @@
 #include <string>
 
 #include "server/service/access/refusal.h"
-#include "server/service/messages/messages.h"
+#include "server/service/messages/job_messages.h"
 #include "server/service/streams/polling_stream.h"
 
 namespace tessera::server {

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "server/coordinator/coordinator.h"
-#include "server/service/messages/messages.h"
+#include "server/service/messages/job_messages.h"
 #include "server/store/files/filesystem.h"
 #include "server/store/store.h"
 
