@@ -60,12 +60,14 @@ absl::Status ClientCertificate::explain(const absl::Status& failure, WallTime no
                                                  " (", std::string(failure.message()), ")"));
 }
 
-/// Warns of a failed attempt, unless another process renews the certificate or the server does not
-/// answer, which the calls of the program report.
+/// Warns of a failed attempt in the last three weeks of the certificate, unless another process
+/// renews it or the server does not answer, which the calls of the program report.
 void ClientCertificate::note_failure(const absl::Status& status) {
   const auto end = contract::certificate_end(path_);
   if (absl::IsUnavailable(status) || !end.ok()) return;
-  if (*end <= WallTime::clock::now()) return;  // calls fail and report it
+  const WallTime now = WallTime::clock::now();
+  if (*end <= now) return;  // calls fail and report it
+  if (contract::file_expiry_warning(path_, now).empty()) return;
   const bool is_writable = ::access(folder_.c_str(), W_OK) == 0;
   warn(absl::StrCat(path_, ": the certificate expires at ", contract::date_text(*end),
                     " and cannot be renewed: ", std::string(status.message()), "; ",

@@ -119,6 +119,7 @@ class Farm:
         self.jobs = {}
         self.states_by_id = {}  # as the last states() saw them
         self.started_at = 0.0  # time at which the server was started
+        self.log_start = 0  # length of the log of earlier servers
         self.over = False
         self.is_alone = kinds == ["kill_worker"]  # no other fault: times can be measured
         self.times = None  # seconds from death to loss, and from loss until its units run again
@@ -166,6 +167,7 @@ class Farm:
         environment = self.environment(self.control, FAULTS_STORE=str(self.store),
                                        FAULTS_LOG=str(self.work / "cuts.log"), FAULTS_CUT_AT=str(cut_at))
         with open(self.work / "server.log", "a") as log:
+            self.log_start = log.tell()
             self.server = subprocess.Popen(
                 [BIN / "tessera-server", *self.server_options(), "--store", self.store,
                  "--audit-fraction", self.audit], env=environment, stdout=subprocess.PIPE, stderr=log)
@@ -267,6 +269,11 @@ class Farm:
 
     def log(self):
         return (self.work / "server.log").read_text(errors="replace")
+
+    def has_seen(self, worker):
+        """Returns whether the worker has connected to the server since the server was started."""
+        log = (self.work / "server.log").read_bytes()[self.log_start:]
+        return f"worker {worker.id} connected".encode() in log
 
     def acknowledgements(self):
         """Returns a counter of (acknowledgement, unit) over all workers."""

@@ -87,12 +87,12 @@ def held_by_all(farm):
 
 def loss_of(farm, worker):
     """Returns a function that tells whether the worker was lost since this call. A server that was
-    started meanwhile has not seen the worker and gives it up after the same silence."""
+    started a moment ago has not seen the worker and gives it up after the same silence."""
     count = lambda: farm.log().count(f"worker {worker.id} is lost")
-    before, start = count(), farm.started_at
+    before = count()
 
     def is_lost():
-        is_given_up = farm.started_at > start and time.monotonic() - farm.started_at > LONGER
+        is_given_up = not farm.has_seen(worker) and time.monotonic() - farm.started_at > LONGER
         return count() > before or is_given_up
     return is_lost
 

@@ -20,9 +20,9 @@ using std::chrono::milliseconds;
 
 const ClientConnections::Time first_time{std::chrono::hours(1000)};
 
-class ClientConnectionsTest : public ::testing::Test {
+class ConnectionCount : public ::testing::Test {
  protected:
-  ~ClientConnectionsTest() override {
+  ~ConnectionCount() override {
     for (const auto& pair : pairs_) {
       for (const int end : pair) ::close(end);
     }
@@ -57,7 +57,7 @@ class ClientConnectionsTest : public ::testing::Test {
   std::vector<std::array<int, 2>> pairs_;
 };
 
-TEST_F(ClientConnectionsTest, EachClientIsCountedApart) {
+TEST_F(ConnectionCount, EachClientIsCountedApart) {
   for (const int port : {1, 2, 3, 4}) accept(port);
   EXPECT_EQ(use("ann", 1, 2), 1u);
   EXPECT_EQ(use("ann", 1, 2), 0u) << "counted before";
@@ -69,7 +69,7 @@ TEST_F(ClientConnectionsTest, EachClientIsCountedApart) {
   EXPECT_EQ(connections_.count("carl"), 0u);
 }
 
-TEST_F(ClientConnectionsTest, NumberOfAnotherFileIsNoConnection) {
+TEST_F(ConnectionCount, ReusedDescriptorIsNotCounted) {
   const std::size_t first = accept(1);
   accept(2);
   use("ann", 1, 1);
@@ -78,7 +78,7 @@ TEST_F(ClientConnectionsTest, NumberOfAnotherFileIsNoConnection) {
   EXPECT_EQ(use("ann", 2, 1), 1u);
 }
 
-TEST_F(ClientConnectionsTest, RefusedOneIsCutAfterItsAnswer) {
+TEST_F(ConnectionCount, RefusedOneIsCutAfterItsAnswer) {
   const std::size_t first = accept(1), second = accept(2);
   use("ann", 1, 1);
   EXPECT_EQ(use("ann", 2, 1), 2u);
@@ -89,7 +89,7 @@ TEST_F(ClientConnectionsTest, RefusedOneIsCutAfterItsAnswer) {
   EXPECT_TRUE(is_open(first));
 }
 
-TEST_F(ClientConnectionsTest, RefusedOneMayTakeFreedPlace) {
+TEST_F(ConnectionCount, RefusedOneMayTakeFreedPlace) {
   const std::size_t first = accept(1), second = accept(2);
   use("ann", 1, 1);
   use("ann", 2, 1);
@@ -99,7 +99,7 @@ TEST_F(ClientConnectionsTest, RefusedOneMayTakeFreedPlace) {
   EXPECT_TRUE(is_open(second));
 }
 
-TEST_F(ClientConnectionsTest, OldestSilentOneIsCut) {
+TEST_F(ConnectionCount, OldestSilentOneIsCut) {
   const std::size_t used = accept(1, milliseconds(9000)), old = accept(2, milliseconds(8000)),
                     younger = accept(3, milliseconds(7000)), fresh = accept(4, milliseconds(1000));
   use("tessera://worker/w1", 1, 0);
@@ -112,7 +112,7 @@ TEST_F(ClientConnectionsTest, OldestSilentOneIsCut) {
   EXPECT_TRUE(is_open(fresh)) << "it may be in its handshake";
 }
 
-TEST_F(ClientConnectionsTest, AddressesHaveTheFormOfPeers) {
+TEST_F(ConnectionCount, AddressesHaveTheFormOfPeers) {
   std::array<int, 2> pair{};
   ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM, 0, pair.data()), 0);
   pairs_.push_back(pair);

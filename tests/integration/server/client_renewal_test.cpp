@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 using client::FarmClient;
 
-class ClientRenewalTest : public SecureFarm {
+class ClientRenewal : public SecureFarm {
  protected:
   /// Issues a certificate that is valid for some seconds, of which `past` have passed.
   void issue_brief(const std::string& name, int length, int past) const {
@@ -43,7 +43,7 @@ class ClientRenewalTest : public SecureFarm {
   }
 };
 
-TEST_F(ClientRenewalTest, ShortCommandRenewsADueCertificate) {
+TEST_F(ClientRenewal, ShortCommandRenewsDueCertificate) {
   issue_brief("old", 1000, 800);
   const Identity before = identity_of("old");
   const std::string key = read_file(certs_of("old") + "/tls.key").value();
@@ -63,14 +63,14 @@ TEST_F(ClientRenewalTest, ShortCommandRenewsADueCertificate) {
   EXPECT_TRUE(try_call("old").ok()) << "the pair matches";
 }
 
-TEST_F(ClientRenewalTest, CertificateThatIsNotDueIsKept) {
+TEST_F(ClientRenewal, CertificateThatIsNotDueIsKept) {
   issue_brief("young", 1000, 600);
   const std::string serial = identity_of("young").serial;
   EXPECT_EQ(call("young").second, "") << "no warning either, though it ends soon";
   EXPECT_EQ(identity_of("young").serial, serial);
 }
 
-TEST_F(ClientRenewalTest, WatchSurvivesTheEndOfItsCertificate) {
+TEST_F(ClientRenewal, WatchSurvivesCertificateEnd) {
   issue_brief("ann", 6, 0);
   const std::string job = create_job("ann", "shot");
   const std::int64_t end = identity_of("ann").expires_s;
@@ -88,7 +88,7 @@ TEST_F(ClientRenewalTest, WatchSurvivesTheEndOfItsCertificate) {
   EXPECT_GT(identity_of("ann").expires_s, end);
 }
 
-TEST_F(ClientRenewalTest, FailureIsAWarningThatSaysWhatToDo) {
+TEST_F(ClientRenewal, FailureWarnsAndSaysWhatToDo) {
   issue_brief("old", 1000, 800);
   fs::rename(certs_ + "/ca.key", folder_ + "/ca.key");
   const std::string serial = identity_of("old").serial;
@@ -102,7 +102,16 @@ TEST_F(ClientRenewalTest, FailureIsAWarningThatSaysWhatToDo) {
   }
 }
 
-TEST_F(ClientRenewalTest, DirectoryThatCannotBeWrittenIsKept) {
+TEST_F(ClientRenewal, FailureLongBeforeExpiryIsSilent) {
+  constexpr int kDay = 24 * 3600;
+  issue_brief("old", 365 * kDay, 300 * kDay);
+  fs::rename(certs_ + "/ca.key", folder_ + "/ca.key");
+  const auto [status, warnings] = call("old");
+  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_EQ(warnings, "");
+}
+
+TEST_F(ClientRenewal, FailedWriteKeepsOldCertificate) {
   issue_brief("old", 1000, 800);
   const std::string serial = identity_of("old").serial;
   fs::create_directory(certs_of("old") + "/renewal.lock");  // no file can be opened there
@@ -113,7 +122,7 @@ TEST_F(ClientRenewalTest, DirectoryThatCannotBeWrittenIsKept) {
   EXPECT_NE(warnings.find("renewal.lock"), std::string::npos) << warnings;
 }
 
-TEST_F(ClientRenewalTest, CertificateOfAnotherIssuerIsKept) {
+TEST_F(ClientRenewal, CertificateOfAnotherIssuerIsKept) {
   issue_brief("old", 1000, 800);
   fs::rename(certs_ + "/issued", folder_ + "/issued");
   ASSERT_TRUE(issue(certs_, Role::client, "other", certs_of("other"), year()).ok());
@@ -125,7 +134,7 @@ TEST_F(ClientRenewalTest, CertificateOfAnotherIssuerIsKept) {
       << warnings;
 }
 
-TEST_F(ClientRenewalTest, ExpiredOneIsNamedInTheError) {
+TEST_F(ClientRenewal, ExpiredOneIsNamedInTheError) {
   issue_brief("late", 1000, 1010);
   const absl::Status status = call("late").first;
   EXPECT_TRUE(absl::IsUnauthenticated(status)) << status;
@@ -136,7 +145,7 @@ TEST_F(ClientRenewalTest, ExpiredOneIsNamedInTheError) {
   }
 }
 
-TEST_F(ClientRenewalTest, ConcurrentCommandsKeepThePairTogether) {
+TEST_F(ClientRenewal, ConcurrentCommandsKeepPairMatching) {
   issue_brief("shared", 1000, 800);
   std::vector<std::thread> commands;
   for (int i = 0; i < 8; ++i) {
