@@ -1,6 +1,8 @@
 #include "server/service/access/client_limits.h"
 
 #include <algorithm>
+#include <atomic>
+#include <cstdint>
 #include <optional>
 
 #include "absl/strings/cord.h"
@@ -16,7 +18,11 @@ constexpr std::chrono::milliseconds kPause{500};
 }  // namespace
 
 std::chrono::milliseconds pause_before_answer(const absl::Status& refusal) {
-  return refusal.GetPayload(kPausePayload).has_value() ? kPause : std::chrono::milliseconds(0);
+  if (!refusal.GetPayload(kPausePayload).has_value()) return std::chrono::milliseconds(0);
+  // Successive multiples of the golden ratio modulo 1 are spread evenly.
+  static std::atomic<std::uint32_t> count = 0;
+  const double spread = (++count * 2654435769U) * 0x1p-32;
+  return std::chrono::duration_cast<std::chrono::milliseconds>(kPause * (0.5 + spread));
 }
 
 double ClientLimits::Bucket::level_at(double leak_per_s, Time now) const {

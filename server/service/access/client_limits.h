@@ -16,7 +16,8 @@
 namespace tessera::server {
 
 /// Returns how long to wait before a refusal is answered. A client that calls too often is slowed
-/// down by that: its connection has a limited number of calls in progress.
+/// down by that: its connection has a limited number of calls in progress. Pauses differ, so that
+/// threads that are refused at the same time do not call again at the same time.
 std::chrono::milliseconds pause_before_answer(const absl::Status& refusal);
 
 /// Limits open streams, event subscriptions, connections, calls and uploaded bytes per client name
