@@ -18,11 +18,9 @@ constexpr std::chrono::seconds kClockSkew{5};
 
 ClientCertificate::ClientCertificate(std::string folder,
                                      std::function<std::shared_ptr<grpc::Channel>()> channel)
-    : folder_(std::move(folder)),
-      path_(folder_ + "/tls.crt"),
-      channel_(std::move(channel)),
-      due_(contract::renewal_time(folder_).value_or(WallTime::max())),
-      end_(contract::certificate_end(path_).value_or(WallTime::max())) {}
+    : folder_(std::move(folder)), path_(folder_ + "/tls.crt"), channel_(std::move(channel)) {
+  note_connected();
+}
 
 void ClientCertificate::start(std::chrono::milliseconds timeout) {
   if (renewer_ != nullptr) return;
@@ -32,20 +30,21 @@ void ClientCertificate::start(std::chrono::milliseconds timeout) {
   contract::CertificateRenewer::Options options;
   options.folder = folder_;
   options.channel = channel_;
-  options.renewed = [] {};  // take_replaced() sees the files
+  options.renewed = [] {};  // is_replaced() sees the files
   options.failed = [this](const absl::Status& status) { note_failure(status); };
   renewer_ = std::make_unique<contract::CertificateRenewer>(std::move(options));
   if (due_ <= WallTime::clock::now()) renewer_->await_first_look(timeout);
 }
 
-bool ClientCertificate::take_replaced(WallTime now) {
+bool ClientCertificate::is_replaced(WallTime now) const {
   if (now < due_) return false;
   const auto stored = contract::certificate_end(path_);
-  const auto due = contract::renewal_time(folder_);
-  if (!stored.ok() || !due.ok() || *stored == end_) return false;
-  end_ = *stored;
-  due_ = *due;
-  return true;
+  return stored.ok() && *stored != end_;
+}
+
+void ClientCertificate::note_connected() {
+  due_ = contract::renewal_time(folder_).value_or(WallTime::max());
+  end_ = contract::certificate_end(path_).value_or(WallTime::max());
 }
 
 absl::Status ClientCertificate::explain(const absl::Status& failure, WallTime now) const {

@@ -28,8 +28,10 @@ class ClientCertificate {
   void start(std::chrono::milliseconds timeout);
 
   /// Returns whether the connection has to be made again, because the certificate with which it was
-  /// made has used up most of its life and its file has been replaced. A second call returns false.
-  bool take_replaced(WallTime now);
+  /// made has used up most of its life and its file has been replaced.
+  bool is_replaced(WallTime now) const;
+  /// Notes that the connection has been made again, with the files as they are.
+  void note_connected();
 
   /// Returns an error that says what to do if the certificate has expired and `failure` may be due
   /// to that, else `failure`.

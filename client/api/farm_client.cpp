@@ -463,10 +463,12 @@ class Client : public FarmClient {
   /// Returns whether it did.
   bool use_new_certificate() {
     if (certificate_ == nullptr) return false;
-    if (!certificate_->take_replaced(std::chrono::system_clock::now())) return false;
+    if (!certificate_->is_replaced(std::chrono::system_clock::now())) return false;
     const auto opened = contract::open_channel(address_, certs_);
-    if (opened.ok()) use(*opened);
-    return opened.ok();
+    if (!opened.ok()) return false;  // the next attempt tries again
+    use(*opened);
+    certificate_->note_connected();
+    return true;
   }
 
   /// Runs `attempt` until it returns another status than Unavailable, or the time limit has passed.

@@ -187,10 +187,8 @@ void CommitPipeline::post_rows(const FarmView& farm, Round& round) {
     std::vector<Answer> answers;
     const auto [first, last] = round.answers.equal_range(key);
     for (auto answer = first; answer != last; ++answer) answers.push_back(answer->second);
-    const auto job = farm.scheduler().jobs().all().find(key);
-    const bool is_removed = job == farm.scheduler().jobs().all().end();  // it has no row
-    rows.push_back(row_task(key,
-                            is_removed ? std::nullopt : std::optional(farm.record(job->second)),
+    const Job* const job = farm.scheduler().jobs().find(key);  // null: removed, it has no row
+    rows.push_back(row_task(key, job == nullptr ? std::nullopt : std::optional(farm.record(*job)),
                             std::move(answers)));
   }
   for (const auto& [worker_id, joined] : round.roster) {

@@ -56,7 +56,7 @@ class TileSum {
   std::int32_t pass_count() const { return pass_count_; }
   /// Samples per pixel of the passes so far, dropped ones included.
   std::int32_t sample_count() const { return sample_count_; }
-  /// What the samples have lost.
+  /// Samples and energy that are missing from the means.
   struct Losses {
     std::int64_t dropped_count = 0;
     double clamped_energy = 0, truncated_energy = 0;
@@ -76,7 +76,7 @@ class TileSum {
   /// Albedo or normal: sum over camera hits ÷ hits, 0 without hits. Require their Aov bit.
   void albedo(std::int64_t pixel, std::span<float, 3> out) const;
   void normal(std::int64_t pixel, std::span<float, 3> out) const;
-  /// What denoising needs of a pixel. Requires kAovDenoising.
+  /// Values of a pixel for the denoiser. Requires kAovDenoising.
   struct DenoisingValues {
     /// Means of R, G, B over the samples that each replicate kept.
     std::array<std::array<float, 3>, contract::kReplicates> rgb{};

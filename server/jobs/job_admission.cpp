@@ -97,7 +97,7 @@ absl::StatusOr<std::optional<JobView>> JobAdmission::find_existing(const JobSpec
   const FarmView view(farm_);
   const JobKey key = view.index().of_request(spec.request_id);
   if (key == 0) return std::nullopt;
-  const Job& job = view.scheduler().jobs().all().at(key);
+  const Job& job = view.scheduler().jobs().at(key);
   if (job.spec->owner == spec.owner) return view.view(job);
   return absl::AlreadyExistsError("request_id: used by another client");
 }

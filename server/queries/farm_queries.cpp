@@ -35,7 +35,7 @@ absl::Status ambiguous(const FarmView& farm, const std::string& text,
                        const std::vector<JobKey>& matches) {
   std::string message = absl::StrCat("\"", text, "\" matches several jobs:");
   for (const JobKey key : matches) {
-    absl::StrAppend(&message, " ", farm.scheduler().jobs().all().at(key).spec->id);
+    absl::StrAppend(&message, " ", farm.scheduler().jobs().at(key).spec->id);
   }
   if (matches.size() == kMaxMatches) absl::StrAppend(&message, " ...");
   return absl::InvalidArgumentError(message);

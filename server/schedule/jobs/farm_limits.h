@@ -9,7 +9,7 @@
 
 namespace tessera::server {
 
-/// What holds jobs back across the farm: named limits, accounts that are stopped, fair share.
+/// Limits of the whole farm: named limits, stopped accounts, past use for fair share.
 class FarmLimits {
  public:
   FarmLimits(Tables& tables, Dispatcher& dispatcher)

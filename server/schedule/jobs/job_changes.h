@@ -8,7 +8,7 @@
 
 namespace tessera::server {
 
-/// New jobs, and changes of the settings of jobs.
+/// Adds jobs and changes their settings.
 class JobChanges {
  public:
   JobChanges(Tables& tables, DependencyChecks& checks, Dispatcher& dispatcher)

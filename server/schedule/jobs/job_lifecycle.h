@@ -11,7 +11,7 @@
 
 namespace tessera::server {
 
-/// The life of a job: pauses, its end, its removal.
+/// Pauses, resumes, ends and removes jobs.
 class JobLifecycle {
  public:
   JobLifecycle(Tables& tables, Quarantine& quarantine, DependencyChecks& checks, JobStates& states,

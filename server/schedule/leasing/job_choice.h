@@ -8,8 +8,8 @@
 
 namespace tessera::server {
 
-/// Which job a worker serves next: the order of the queue, the scenes that the worker has loaded,
-/// limits, blocked workers.
+/// Chooses the job of which a worker is leased units next, by the order of the queue, the scenes
+/// that the worker has loaded, limits and blocked workers.
 class JobChoice {
  public:
   JobChoice(Tables& tables, Witnesses& witnesses)

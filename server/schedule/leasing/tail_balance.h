@@ -9,7 +9,7 @@
 
 namespace tessera::server {
 
-/// The last units of a job, when no more are waiting and workers are idle.
+/// Distributes the last units of a job again, when none is waiting and workers are idle.
 class TailBalance {
  public:
   TailBalance(Tables& tables, LeaseGrants& grants, JobChoice& choice)

@@ -13,7 +13,7 @@
 
 namespace tessera::server {
 
-/// Units that another worker renders again, and what follows when the results differ.
+/// Has other workers render some units again, and quarantines workers whose results were wrong.
 class Audits {
  public:
   Audits(Tables& tables, Witnesses& witnesses, Quarantine& quarantine, Dispatcher& dispatcher,

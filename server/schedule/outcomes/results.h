@@ -13,7 +13,7 @@
 
 namespace tessera::server {
 
-/// What becomes of results: units and frames that are finished, or must be rendered again.
+/// Records which units and frames are finished, and which must be rendered again.
 class Results {
  public:
   Results(Tables& tables, Quarantine& quarantine, DependencyChecks& checks, LeaseGrants& grants,

@@ -15,7 +15,7 @@
 
 namespace tessera::server {
 
-/// What workers report: that they are here, what they hold, return and need.
+/// Handles the messages of workers: connecting, heartbeats, credits, returned units.
 class Connections {
  public:
   Connections(Tables& tables, Quarantine& quarantine, JobStates& states, Dispatcher& dispatcher,

@@ -6,7 +6,7 @@
 
 namespace tessera::server {
 
-/// Workers that have gone silent.
+/// Detects workers that have gone silent, and takes back their units.
 class Liveness {
  public:
   Liveness(Tables& tables, Quarantine& quarantine, Failures& failures)

@@ -9,8 +9,8 @@
 
 namespace tessera::server {
 
-/// Who holds which unit, to render it or to audit it. Each change is made in the job, in the
-/// worker, in the use of limits and in the owner's share. Pure.
+/// Which workers hold which units, to render or to audit them. Each change is made in the job, in
+/// the worker, in the use of limits and in the owner's share. Pure.
 class LeaseTable {
  public:
   /// The tables must outlive this object.

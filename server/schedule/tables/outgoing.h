@@ -8,7 +8,7 @@
 
 namespace tessera::server {
 
-/// What the schedule has decided and others must carry out: messages to workers, and effects. Pure.
+/// Decisions that others carry out: messages to workers, and effects. Pure.
 class Outgoing {
  public:
   /// `max_outbox`: messages that a worker may leave unread. `counts` must outlive this object.

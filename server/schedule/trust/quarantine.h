@@ -11,9 +11,9 @@
 
 namespace tessera::server {
 
-/// Whose units and results are refused: workers that were banned or found faulty, and, for a time,
-/// those that fail units which others render. Counts by witness, so that one faulty worker fails no
-/// job (docs/explanation/fault-tolerance.md).
+/// Workers whose results are refused, because they were banned or found faulty or, for a time,
+/// because they failed units that others rendered. Counts by witness, so that one faulty worker
+/// fails no job (docs/explanation/fault-tolerance.md).
 class Quarantine {
  public:
   explicit Quarantine(Tables& tables)

@@ -7,8 +7,8 @@
 
 namespace tessera::server {
 
-/// Who else could render a unit or decide an audit. Workers with one certificate are one witness,
-/// so that one operator does not confirm itself.
+/// Finds independent workers that could render a unit or decide an audit. Workers with one
+/// certificate are one witness, so that no operator confirms its own results.
 class Witnesses {
  public:
   explicit Witnesses(const Tables& tables)

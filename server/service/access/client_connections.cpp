@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 
@@ -81,42 +82,27 @@ std::size_t ClientConnections::use(const std::string& client, const std::string&
   if (!connection.client.empty()) return 0;
   const std::size_t count = count_open(client) + 1;
   if (limit > 0 && static_cast<double>(count) > limit) {
-    if (!connection.is_refused) connection.refused = now;
-    connection.is_refused = true;
+    if (!connection.refused) connection.refused = now;
     return count;
   }
   connection.client = client;
-  connection.is_refused = false;
+  connection.refused.reset();
   by_client_[client].insert(socket);
   return count;
 }
 
 std::size_t ClientConnections::count(const std::string& client) const {
   const std::lock_guard lock(mutex_);
-  const auto found = by_client_.find(client);
-  if (found == by_client_.end()) return 0;
-  std::size_t open = 0;
-  for (const int socket : found->second) {
-    if (socket_inode(socket) == sockets_.at(socket).inode) ++open;
-  }
-  return open;
+  return count_open(client);
 }
 
-/// Counts the open connections of a client and forgets those that have ended.
-std::size_t ClientConnections::count_open(const std::string& client) {
+std::size_t ClientConnections::count_open(const std::string& client) const {
   const auto found = by_client_.find(client);
   if (found == by_client_.end()) return 0;
-  const std::set<int> sockets = found->second;
-  std::size_t open = 0;
-  for (const int socket : sockets) {
-    const auto connection = sockets_.find(socket);
-    if (socket_inode(socket) == connection->second.inode) {
-      ++open;
-    } else {
-      remove(connection);
-    }
-  }
-  return open;
+  const auto open = std::count_if(found->second.begin(), found->second.end(), [this](int socket) {
+    return socket_inode(socket) == sockets_.at(socket).inode;
+  });
+  return static_cast<std::size_t>(open);
 }
 
 void ClientConnections::remove(Sockets::iterator connection) {
@@ -135,7 +121,8 @@ std::size_t ClientConnections::cut_refused(Time now) {
   std::size_t count = 0;
   for (auto next = sockets_.begin(); next != sockets_.end();) {
     const auto connection = next++;
-    if (!connection->second.is_refused || now - connection->second.refused < kGrace) continue;
+    const std::optional<Time> refused = connection->second.refused;
+    if (!refused || now - *refused < kGrace) continue;
     cut(connection->first, connection->second.inode);
     remove(connection);
     ++count;

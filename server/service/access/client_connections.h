@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -52,16 +53,15 @@ class ClientConnections {
     std::string peer;
     std::string client;  // empty before its first call
     Time accepted;
-    bool is_refused = false;
-    Time refused;
+    std::optional<Time> refused;
   };
   using Sockets = std::map<int, Connection>;
 
   void remove(Sockets::iterator connection);
-  std::size_t count_open(const std::string& client);
+  std::size_t count_open(const std::string& client) const;
 
   mutable std::mutex mutex_;  // guards what follows
-  Sockets sockets_;           // by descriptor; some may have been closed
+  Sockets sockets_;           // by descriptor; closed ones stay until it is used again
   std::map<std::string, int> by_peer_;
   std::map<std::string, std::set<int>> by_client_;
 };

@@ -1,4 +1,5 @@
-// Quotas of clients: jobs, files, streams and event subscriptions, and who sees them.
+// Quotas of clients for jobs, files, streams, event subscriptions and connections, and the calls
+// that show them.
 #include <map>
 #include <memory>
 #include <string>

@@ -23,7 +23,7 @@ class MemoryStore final : public Store {
  public:
   explicit MemoryStore(const std::string& folder) : frames_(rows_, folder), assets_(folder) {}
 
-  /// What a test sets.
+  /// Faults and values that tests inject.
   class Controls {
    public:
     explicit Controls(MemoryStore& store) : store_(store) {}

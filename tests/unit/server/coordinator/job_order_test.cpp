@@ -234,7 +234,8 @@ TEST_F(JobOrderTest, UseOfOwnersOutlivesCrash) {
   ASSERT_TRUE(of_ben.ok());
   const TestWorker other = join("w", 1);
   ASSERT_EQ(other.units.size(), 1u);
-  EXPECT_EQ(other.units[0].name.job_id, of_ben->view.spec->id) << "who has used less goes first";
+  EXPECT_EQ(other.units[0].name.job_id, of_ben->view.spec->id)
+      << "the client with less past use goes first";
   EXPECT_EQ(view(again).reason, "another client has used less and goes first");
 }
 

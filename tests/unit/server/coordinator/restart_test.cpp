@@ -1,4 +1,4 @@
-// What a coordinator knows after the end of its process.
+// The state of a coordinator after a restart.
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// What happens to a simulated farm, and the rules of dependencies and limits.
+// Faults of a simulated farm, and its rules of dependencies and limits.
 #include <algorithm>
 #include <chrono>
 
