@@ -20,9 +20,9 @@ function(tessera_precompiled name)
     $<$<CXX_COMPILER_ID:Clang>:SHELL:-Xclang -fno-pch-timestamp>)
 endfunction()
 
-# Applied by tessera_layer().
-function(tessera_use_precompiled target)
-  if(TARGET tessera_precompiled_${TESSERA_PRECOMPILED})
-    target_precompile_headers(${target} REUSE_FROM tessera_precompiled_${TESSERA_PRECOMPILED})
+# tessera_use_precompiled(TARGET NAME): has one target use it. tessera_layer() and tessera_test() call it.
+function(tessera_use_precompiled target name)
+  if(TARGET tessera_precompiled_${name})
+    target_precompile_headers(${target} REUSE_FROM tessera_precompiled_${name})
   endif()
 endfunction()

@@ -17,8 +17,8 @@ cmake --build --preset dev
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 status=0
-# One more than cores: end-to-end tests mostly wait.
-ctest --preset dev --parallel "$(($(nproc) + 1))" --output-junit "$scratch/report.xml" "$@" </dev/null 2>&1 |
+# More than twice the cores: end-to-end tests mostly wait.
+ctest --preset dev --parallel "$((2 * $(nproc) + 1))" --output-junit "$scratch/report.xml" "$@" </dev/null 2>&1 |
   tee "$scratch/log" || status=$?
 echo "tests/run.sh: $(grep -E '^[0-9]+% tests passed' "$scratch/log" || echo 'ctest gave no verdict')"
 if [ -f "$scratch/report.xml" ]; then
