@@ -43,6 +43,14 @@ def reason_of(case):
     return (skipped.get("message") if skipped is not None else None) or "no reason given"
 
 
+def skips_within(case):
+    """Returns (name, reason) of the skipped tests of a program that ctest ran as one test."""
+    kind = case.get("name").split(".")[0]
+    output = case.findtext("system-out") or ""
+    return [(f"{kind}.{name}", reason.strip()) for reason, name in
+            re.findall(r"Skipped\n(.*)\n(?:.*\n)*?\[  SKIPPED \] (\S+)", output)]
+
+
 def read_report(path):
     """Returns the number of tests of a report that ran, and (name, reason) of each that did not."""
     ran, skipped = 0, []
@@ -53,6 +61,7 @@ def read_report(path):
             skipped.append((case.get("name"), "disabled"))
         else:
             ran += 1
+            skipped += skips_within(case)
     return ran, skipped
 
 

@@ -44,6 +44,15 @@ class StrictSkips(unittest.TestCase):
     def test_disabled_test_fails(self):
         self.assertEqual(status_of(RAN, '<testcase name="unit.A.DISABLED_B" status="disabled"/>'), 1)
 
+    def test_unlisted_skip_within_a_program_fails(self):
+        report = ('<testcase name="unit.film.0" status="run"><system-out>[ RUN      ] A.Runs\n'
+                  "[       OK ] A.Runs (0 ms)\n[ RUN      ] {0}\nfile.cpp:3: Skipped\n{1}\n\n"
+                  "[  SKIPPED ] {0} (0 ms)\n[  SKIPPED ] 1 test, listed below:\n</system-out></testcase>")
+        listed = "FrameWriterTest.WideFrameIsWrittenInBands"
+        self.assertEqual(status_of(report.format(listed, "a sanitizer keeps freed memory")), 0)
+        self.assertEqual(status_of(report.format(listed, "no reason")), 1)
+        self.assertEqual(status_of(report.format("A.Other", "a sanitizer keeps freed memory")), 1)
+
     def test_report_without_tests_fails(self):
         self.assertEqual(status_of(), 1)
 

@@ -47,6 +47,12 @@ for count in $workers; do
   say "$busy of $count workers committed units"
 done
 
+# What else must not change pixels is tried on a smaller picture of 36 units.
+if [ -z "${TESSERA_E2E_SMALL:-}" ]; then
+  job[1]=64x48
+  draw reference --tile-size 16 --workers 1 --threads 1
+  reference=$(pixels "$work/reference.json")
+fi
 draw threads --tile-size 16 --workers 1 --threads 2
 equal "two threads" "$(pixels "$work/threads.json")" "$reference"
 for tile in 32 64; do
