@@ -383,11 +383,12 @@ bool FilmCache::is_look_due(const FrameKey& key) const {
          found->second.frame_rule->due_look().has_value();
 }
 
-void FilmCache::end_look(const FrameKey& key, bool is_met, double bound) {
+void FilmCache::end_look(const FrameKey& key,
+                         const contract::FrameStoppingRule::LookResult& result) {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(key);
   if (found == frames_.end() || found->second.frame_rule == nullptr) return;
-  found->second.frame_rule->end_look(is_met, bound);
+  found->second.frame_rule->end_look(result);
 }
 
 StoppingStats FilmCache::stopping(const FrameKey& key) const {

@@ -83,8 +83,8 @@ class FilmCache {
   /// Whether the frame must be denoised before take_pass_targets() has more targets. tile() then
   /// returns the sums to be denoised.
   bool is_look_due(const FrameKey& key) const;
-  /// Reports whether the denoised frame meets its bound. Ignored if no look is due.
-  void end_look(const FrameKey& key, bool is_met, double bound);
+  /// Reports the error and bound of the denoised frame. Ignored if no look is due.
+  void end_look(const FrameKey& key, const contract::FrameStoppingRule::LookResult& result);
   /// Returns how the frame's tiles stopped; with a fixed sample count looks is 1 and the rest 0.
   StoppingStats stopping(const FrameKey& key) const;
   /// Maximum number of samples per pixel; 0 before the first block or if the frame is not open.

@@ -131,7 +131,7 @@ absl::Status take_denoised_look(FilmCache& film, const FrameKey& key, const JobS
   if (!statistics.ok()) return statistics.status();
   const ClaimedError claimed(*statistics);
   const bool is_met = claimed.error_upper95 <= *spec.settings.error && !claimed.is_concentrated();
-  film.end_look(key, is_met, claimed.error_upper95);
+  film.end_look(key, {is_met, statistics->denoised->error, claimed.error_upper95});
   return absl::OkStatus();
 }
 

@@ -27,7 +27,7 @@ absl::StatusOr<FinishedFrame> write_finished_frame(
     FilmCache& film, Store& store, const FrameKey& key, const JobSpec& spec,
     const std::vector<BlockIndex::PassProgress>& progress);
 
-/// Takes the look that is due: denoises the frame and reports whether it meets its bound.
+/// Takes the look that is due: denoises the frame and reports its error and bound to the film.
 /// Errors: as FilmCache::tile().
 absl::Status take_denoised_look(FilmCache& film, const FrameKey& key, const JobSpec& spec);
 

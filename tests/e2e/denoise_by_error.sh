@@ -3,7 +3,7 @@
 # and after crashes, and fewer samples than without --denoise.
 . "$(dirname "$0")/farm.sh"
 
-size=96x64 error=0.1
+size=96x64 error=0.08
 scene=$scenes/same_bits.gltf
 job=(--size "$size" --max-depth 5 --frames 12 --seed 7 --tile-size 16)
 
@@ -22,6 +22,7 @@ one=$(json "$work/one.json" "$frame")
 equal "the claim is made" "$(json "$work/one.json" 'd["status"]')" CONVERGED
 equal "the bound of the denoised image is at most what was asked for" "$(json "$work/one.json" \
   "d['frames'][0]['denoised']['error_denoised_upper95'] <= $error < d['frames'][0]['estimated']['error_upper95']")" True
+equal "tiles stop one by one" "$(json "$work/one.json" 'len(set(d["frames"][0]["tiles"]["spp"])) > 1')" True
 raw=$(json "$work/raw.json" 'd["frames"][0]["samples"]')
 equal "fewer samples than the raw image needs" "$(json "$work/one.json" "d['frames'][0]['samples'] < $raw")" True
 draw four --error "$error" --denoise --workers 4 --threads 1

@@ -118,6 +118,7 @@ def main():
     parser.add_argument("scenes", nargs="*")
     parser.add_argument("--denoise", action="store_true")
     parser.add_argument("--size", default="64x64")
+    parser.add_argument("--error-scale", type=float, default=1)
     options = parser.parse_args()
     width, height = options.size.split("x")
     options.extra = [] if options.size == "64x64" else ["--width", width, "--height", height]
@@ -129,6 +130,8 @@ def main():
                        check=True)
         battery = [scene for scene in json.loads((folder / "battery.json").read_text())
                    if not options.scenes or scene["scene"] in options.scenes]
+        for scene in battery:
+            scene["error"] = round(scene["error"] * options.error_scale, 6)
         with ThreadPoolExecutor(options.jobs) as pool:
             results = list(pool.map(lambda scene: judge(options, folder, scene), battery))
     rows = [row for some, _ in results for row in some]
