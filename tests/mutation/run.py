@@ -196,7 +196,7 @@ class Copy:
         self.build = self.tree / "build" / "dev"
         self.limit = limit
         self.cpu_limits = {}  # seconds, by test binary
-        self.environment = dict(os.environ, CCACHE_BASEDIR=str(self.tree), CCACHE_NOHASHDIR="1")
+        self.environment = dict(os.environ, CCACHE_NOHASHDIR="1")
         names = subprocess.run(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=ROOT,
                                check=True, capture_output=True, text=True).stdout.split("\0")
         for name in filter(None, names):
@@ -221,7 +221,7 @@ class Copy:
         return done.returncode, done.stdout
 
     def compile(self, tests):
-        return self.run("cmake", "--build", str(self.build), "--target", *tests)
+        return self.run("cmake", "--build", "--preset", "dev", "--target", *tests)
 
     def failure(self, test, name="*"):
         """Runs a test binary, or one test of it. Returns the name of the test that fails, None if all pass."""
