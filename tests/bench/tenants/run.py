@@ -5,9 +5,11 @@ ListJobs of a steady client, alone and beside a greedy client that does all its 
     tests/bench/tenants/run.py [--bin build/dev/bin] [--rounds 12] [--seconds 5]
 
 A real tessera-server with certificates, over loopback TCP; the clients are other processes. Rounds
-with and without the greedy client alternate, so that changes of the load affect both. Each round has
-its p99; the median over the rounds counts, and the quartiles show how far the load moves it. The
-greedy client's own CPU time counts as the server's here, because all share the machine; run it with
+with and without the greedy client alternate, so that changes of the load affect both. Each round
+has its p99; the median over the rounds counts, and the quartiles show how far the load moves it.
+The greedy client begins when the steady one is at work, with the calls that it has saved up: in
+short rounds this burst decides the p99, in rounds of 20 s the time at its quotas does. The greedy
+client's own CPU time counts as the server's here, because all share the machine; run it with
 `--greedy-nice 19` to give it what is left. Target: less than 20 %.
 """
 
