@@ -15,8 +15,8 @@ namespace tessera::contract {
 /// Metadata key of the token: that of a loopback server, or a worker's join token or session key.
 inline constexpr char kTokenKey[] = "tessera-token";
 
-/// Trailing metadata key of a refused call that can be retried after a pause: the client calls too
-/// often.
+/// Trailing metadata key of a refused call that can be retried after a pause: the client makes too
+/// many calls.
 inline constexpr char kRetryKey[] = "tessera-retry";
 
 /// Maximum size of a gRPC message in either direction (docs/reference/limits.md).

@@ -34,6 +34,8 @@ constexpr std::array<QuotaOption, kQuotaKinds.size()> kOptions = {{
     {"--client-event-subscriptions",
      "With --certs: maximum event subscriptions per client; 0: unlimited"},
     {"--client-connections", "With --certs: maximum open connections per client; 0: unlimited"},
+    {"--client-concurrent-calls",
+     "With --certs: maximum calls in progress per client, without streams; 0: unlimited"},
     {"--client-calls", "With --certs: maximum calls per second per client; 0: unlimited"},
     {"--client-upload-gb", "With --certs: maximum upload per client and hour, GB; 0: unlimited"},
 }};

@@ -23,6 +23,7 @@
 #include "server/identity/join_tokens.h"
 #include "server/service/accept_gate.h"
 #include "server/service/access/access.h"
+#include "server/service/access/call_context.h"
 #include "server/service/access/token.h"
 #include "server/service/access/worker_admission.h"
 #include "server/service/asset_service.h"
@@ -153,6 +154,7 @@ class GrpcFarmServer final : public FarmServer {
     builder.SetMaxSendMessageSize(contract::kMaxMessageBytes);
     builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, calls_per_connection());
     builder.AddChannelArgument(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+    builder.SetContextAllocator(std::make_unique<CallContexts>());
     builder.RegisterService(&jobs_);
     builder.RegisterService(&assets_);
     builder.RegisterService(&workers_);

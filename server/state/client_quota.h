@@ -27,6 +27,7 @@ struct ClientQuota {
   double streams = 8;              // open at once
   double event_subscriptions = 4;  // streams of events among them
   double connections = 100;        // open at once
+  double concurrent_calls = 4;     // in progress at once, without streams
   double calls = 500;              // per second
   double upload_gb = 50;           // per hour
 };
@@ -39,7 +40,7 @@ struct QuotaKind {
   const char* advice;           // what a client over the limit can do
 };
 /// All kinds, in the order of ClientQuota's members.
-inline constexpr std::array<QuotaKind, 9> kQuotaKinds = {{
+inline constexpr std::array<QuotaKind, 10> kQuotaKinds = {{
     {"jobs", &ClientQuota::jobs, "unfinished jobs", "wait for jobs to finish, or cancel some"},
     {"gigasamples", &ClientQuota::gigasamples, "billion samples of unfinished jobs",
      "wait for jobs to finish, cancel some, or ask for fewer samples"},
@@ -52,6 +53,8 @@ inline constexpr std::array<QuotaKind, 9> kQuotaKinds = {{
      "end one, such as a webhook or `tessera events --follow`"},
     {"connections", &ClientQuota::connections, "open connections",
      "end some programs that use this certificate, or let one make their calls"},
+    {"concurrent-calls", &ClientQuota::concurrent_calls, "calls in progress",
+     "retry later, and make fewer calls at the same time"},
     {"calls", &ClientQuota::calls, "calls per second", "retry later, and call less often"},
     {"upload-gb", &ClientQuota::upload_gb, "GB uploaded per hour", "retry later"},
 }};

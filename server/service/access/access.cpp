@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "contract/digest.h"
 #include "rpc/channel.h"
+#include "server/service/access/call_context.h"
 
 namespace tessera::server {
 namespace {
@@ -119,6 +120,23 @@ absl::StatusOr<Caller> Access::identify(const grpc::CallbackServerContext& conte
   return absl::UnauthenticatedError("wrong token: this server's is in STORE/token");
 }
 
+/// Counts a client's call, and reserves its place among the calls in progress until it has ended.
+/// Streams have places of their own.
+absl::Status Access::count_call(grpc::CallbackServerContext& context, const std::string& client,
+                                bool is_stream) const {
+  const Clock::time_point now = Clock::now();
+  absl::Status status = limits_->count_call(client, now);
+  if (status.ok()) status = limits_->count_connection(client, context.peer(), now);
+  if (status.ok() && !is_stream) {
+    auto place = limits_->reserve_call(client);
+    status = place.status();
+    auto* const call = dynamic_cast<CallContext*>(&context);  // null: the server limits no clients
+    if (status.ok() && call != nullptr) call->hold(*std::move(place));
+  }
+  if (can_be_retried(status)) context.AddTrailingMetadata(contract::kRetryKey, "");
+  return status;
+}
+
 absl::StatusOr<Caller> Access::admit(grpc::CallbackServerContext& context,
                                      std::string_view rpc) const {
   auto caller = identify(context);
@@ -139,12 +157,7 @@ absl::StatusOr<Caller> Access::admit(grpc::CallbackServerContext& context,
   std::shared_ptr<const void> reservation;
   if (is_client(*caller)) {
     const std::string& client = caller->identity->name;
-    if (absl::Status status = limits_->count_call(client, Clock::now()); !status.ok()) {
-      context.AddTrailingMetadata(contract::kRetryKey, "");
-      return status;
-    }
-    if (absl::Status status = limits_->count_connection(client, context.peer(), Clock::now());
-        !status.ok()) {
+    if (absl::Status status = count_call(context, client, rule->is_stream); !status.ok()) {
       return status;
     }
     if (rule->is_stream) {

@@ -62,8 +62,8 @@ class Access {
   ///
   /// Errors: Unauthenticated, no token or a wrong one, or a certificate that is revoked, expired or
   /// without a role; PermissionDenied, the role may not call it; ResourceExhausted, this client has
-  /// too many open connections or streams or calls too often. Answer with finish() or refuse()
-  /// (service/finish.h).
+  /// too many open connections, streams or calls in progress, or calls too often. Answer with
+  /// finish() or refuse() (service/finish.h).
   absl::StatusOr<Caller> admit(grpc::CallbackServerContext& context, std::string_view rpc) const;
   /// Checks that a caller admitted earlier is still allowed; for long streams, which can then end
   /// with a status that says why.
@@ -80,6 +80,8 @@ class Access {
 
  private:
   absl::StatusOr<Caller> identify(const grpc::CallbackServerContext& context) const;
+  absl::Status count_call(grpc::CallbackServerContext& context, const std::string& client,
+                          bool is_stream) const;
 
   std::string token_;
   std::unique_ptr<Revocations> revocations_;  // null without certificates

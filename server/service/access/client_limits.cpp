@@ -17,8 +17,12 @@ constexpr std::chrono::milliseconds kPause{500};
 
 }  // namespace
 
+bool can_be_retried(const absl::Status& refusal) {
+  return refusal.GetPayload(kPausePayload).has_value();
+}
+
 std::chrono::milliseconds pause_before_answer(const absl::Status& refusal) {
-  if (!refusal.GetPayload(kPausePayload).has_value()) return std::chrono::milliseconds(0);
+  if (!can_be_retried(refusal)) return std::chrono::milliseconds(0);
   // Successive multiples of the golden ratio modulo 1 are spread evenly.
   static std::atomic<std::uint32_t> count = 0;
   const double spread = (++count * 2654435769U) * 0x1p-32;
@@ -64,6 +68,22 @@ absl::StatusOr<std::shared_ptr<const void>> ClientLimits::reserve_stream(const s
     Use& ended = uses->by_client[client];
     --ended.streams;
     if (is_subscription) --ended.subscriptions;
+  });
+}
+
+absl::StatusOr<std::shared_ptr<const void>> ClientLimits::reserve_call(const std::string& client) {
+  const double limit = quotas_.of(client).concurrent_calls;
+  const std::lock_guard lock(uses_->mutex);
+  Use& use = uses_->by_client[client];
+  if (limit > 0 && use.calls_in_progress + 1 > limit) {
+    absl::Status status = refuse(client, &ClientQuota::concurrent_calls, use.calls_in_progress + 1);
+    status.SetPayload(kPausePayload, absl::Cord());
+    return status;
+  }
+  ++use.calls_in_progress;
+  return std::shared_ptr<const void>(nullptr, [uses = uses_, client](const void*) {
+    const std::lock_guard end_lock(uses->mutex);
+    --uses->by_client[client].calls_in_progress;
   });
 }
 
@@ -118,6 +138,7 @@ double ClientLimits::used(const std::string& client, const QuotaKind& kind, Time
   const Use& use = found->second;
   if (kind.member == &ClientQuota::streams) return use.streams;
   if (kind.member == &ClientQuota::event_subscriptions) return use.subscriptions;
+  if (kind.member == &ClientQuota::concurrent_calls) return use.calls_in_progress;
   if (kind.member == &ClientQuota::calls) {
     return use.calls.level_at(quota.calls, now) / kBurstSeconds;
   }

@@ -15,14 +15,19 @@
 
 namespace tessera::server {
 
-/// Returns how long to wait before a refusal is answered. A client that calls too often is slowed
-/// down by that: its connection has a limited number of calls in progress. Pauses differ, so that
-/// threads that are refused at the same time do not call again at the same time.
+/// Returns how long to wait before a refusal is answered. A client whose call can be retried is
+/// slowed down by that: its connection has a limited number of calls in progress. Pauses differ, so
+/// that threads that are refused at the same time do not call again at the same time.
 std::chrono::milliseconds pause_before_answer(const absl::Status& refusal);
 
-/// Limits open streams, event subscriptions, connections, calls and uploaded bytes per client name
-/// over all its connections. Calls and bytes are leaky buckets: a burst may have ten seconds of
-/// calls or an hour of bytes. Errors are ResourceExhausted, see over_quota(). Thread-safe.
+/// Returns whether the refused call can be made again after a while: the client has called too
+/// often or has too many calls in progress.
+bool can_be_retried(const absl::Status& refusal);
+
+/// Limits open streams, event subscriptions, connections, calls in progress, calls per second and
+/// uploaded bytes per client name over all its connections. Calls per second and bytes are leaky
+/// buckets: a burst may have ten seconds of calls or an hour of bytes. Errors are
+/// ResourceExhausted, see over_quota(). Thread-safe.
 class ClientLimits {
  public:
   using Time = std::chrono::steady_clock::time_point;
@@ -34,6 +39,9 @@ class ClientLimits {
   /// Reserves a stream until the result is destroyed.
   absl::StatusOr<std::shared_ptr<const void>> reserve_stream(const std::string& client,
                                                              bool is_subscription);
+  /// Reserves a place among the client's calls in progress until the result is destroyed. The
+  /// refusal has a pause.
+  absl::StatusOr<std::shared_ptr<const void>> reserve_call(const std::string& client);
   /// Counts the connection of a call. `peer`: as of grpc::ServerContext::peer().
   absl::Status count_connection(const std::string& client, const std::string& peer, Time now);
   /// Notes that a caller without limits uses a connection.
@@ -61,7 +69,7 @@ class ClientLimits {
   };
   /// Use of one client.
   struct Use {
-    double streams = 0, subscriptions = 0;
+    double streams = 0, subscriptions = 0, calls_in_progress = 0;
     Bucket calls, uploads;  // calls, GB
   };
   struct Uses {

@@ -33,7 +33,8 @@ measure() {
   done
   "$BIN/tessera-server" issue-cert "$run/certs" --role worker --name w >/dev/null
   "$BIN/tessera-server" --listen 127.0.0.1:0 --certs "$run/certs" --store "$run/store" --client-jobs 0 \
-    --client-gigasamples 0 --client-gb 0 --client-calls 0 --client-upload-gb 0 >"$run/address" 2>"$run/server.log" &
+    --client-gigasamples 0 --client-gb 0 --client-calls 0 --client-concurrent-calls 0 --client-upload-gb 0 \
+    >"$run/address" 2>"$run/server.log" &
   pids=($!)
   until grep -q : "$run/address"; do
     kill -0 "${pids[0]}" || { cat "$run/server.log" >&2; exit 1; }
