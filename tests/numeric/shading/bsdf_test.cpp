@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -480,6 +481,57 @@ TEST(Bsdf, ReflectionStaysOnItsSide) {
   }
   const BsdfValue below = evaluate_bsdf(bsdf, normalize(Vec3f{1, 0, -0.1f}));
   EXPECT_EQ(below.f_cos, Vec3f{});
+}
+
+// Where the interpolated normal would mirror light into the surface, the geometric normal mirrors
+// it.
+TEST(Bsdf, SmoothGlassMirrorsAtGeometricNormal) {
+  BsdfParameters glass = base(0, 0);
+  glass.transmission = 1;
+  glass.interface = Interface::solid;
+  // The normals enclose 60 degrees; a viewer 10 degrees off the geometric one is mirrored to 110.
+  const Frame f = Frame::from_normal(normalize(Vec3f{std::sqrt(0.75f), 0, 0.5f}));
+  const float sine = std::sin(0.1745f), cosine = std::cos(0.1745f);
+  const Bsdf bsdf = make_bsdf(glass, tables().all(), {f.s, f.t, f.n, {0, 0, 1}}, {sine, 0, cosine});
+  int mirrored = 0, refracted = 0;
+  for (int i = 0; i < 1000; ++i) {
+    BsdfSample s;
+    ASSERT_TRUE(sample_bsdf(bsdf, (static_cast<float>(i) + 0.5f) / 1000, {0.5f, 0.5f}, &s));
+    if (s.transmitted) {
+      ASSERT_LT(s.wi.z, 0);
+      ++refracted;
+    } else {  // within a few roundings of unit vectors
+      ASSERT_LT(length(s.wi - Vec3f{-sine, 0, cosine}), 1e-6f);
+      ++mirrored;
+    }
+  }
+  EXPECT_GT(mirrored, 0);
+  EXPECT_GT(refracted, 0);
+}
+
+// Each side of a leaf is chosen with its share of the light, so that all samples weigh the same.
+TEST(Bsdf, SidesOfLeafAreSampledByTheirEnergy) {
+  Case leaf{"leaf", base(0, 1), 0, 1};
+  leaf.parameters.specular_weight = 0;
+  leaf.parameters.interface = Interface::thin;
+  leaf.parameters.base = {0.5f, 0.5f, 0.5f};
+  leaf.extensions.diffuse_transmission = 0.7f;
+  leaf.extended = true;
+  const Bsdf bsdf = bsdf_for(leaf, 0.5);
+  Random random(11);
+  float least = 1, most = 0;
+  int transmitted = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const float lobe = random.next(), u1 = random.next(), u2 = random.next();
+    BsdfSample s;
+    ASSERT_TRUE(sample_bsdf(bsdf, lobe, {u1, u2}, &s));
+    least = std::min(least, s.weight.x);
+    most = std::max(most, s.weight.x);
+    transmitted += s.transmitted ? 1 : 0;
+  }
+  EXPECT_LT(most / least, 1 + 1e-5f);
+  EXPECT_GT(transmitted, 0);
+  EXPECT_LT(transmitted, 1000);
 }
 
 // Materials without extensions use the plain code. Results differ only by rounding: one evaluates
