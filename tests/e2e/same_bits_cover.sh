@@ -6,7 +6,7 @@
 #   same_bits_cover.sh --all   the nine on each scene, and all 72 on one (target same_bits_all)
 #
 # TESSERA_OTHER_BIN: programs of the other compiler. Without them, or without AVX-512, the combinations that
-# need them are counted as skipped.
+# need them are left out; with --all they are counted as skipped.
 . "$(dirname "$0")/farm.sh"
 
 # workers tile threads isa compiler
