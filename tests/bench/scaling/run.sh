@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Measures a render with 1, 2 and 4 worker processes pinned to the available cores. Then simulates farms of
-# 10 to 10,000 workers (simulate.cpp) with the measured times and sizes of units and merges. Figures:
-# docs/notes/scaling.md.
+# Measures a render with 1, 2, 4, … worker processes pinned to the available cores, up to twice as many as cores.
+# Then simulates farms of 10 to 10,000 workers (simulate.cpp) with the measured times and sizes of units and
+# merges. Figures: docs/notes/scaling.md.
 #
 #   tests/bench/scaling/run.sh [SCENE]     default: quickstart.gltf. TESSERA_BIN as for tests/bench/scale.sh;
 #                                          SIZE: 960x576
@@ -38,7 +38,7 @@ render() {
 
 echo "| workers | cores | wall | efficiency | busy |"
 echo "|---|---|---|---|---|"
-for n in 1 2 4; do
+for ((n = 1; n <= 2 * cores; n *= 2)); do
   render "$n"
   used=$((n < cores ? n : cores))
   python3 - "$work" "$n" "$used" <<'PY'
