@@ -472,6 +472,20 @@ TEST(Scheduler, UnstartedUnitsMoveToIdleWorkers) {
   EXPECT_EQ(farm.leased(idle).size(), 2u);
 }
 
+TEST(Scheduler, UnstartedUnitsMoveBesideAdoptedOnes) {
+  SchedulerHarness farm;
+  farm.add_job({.tiles = 8});
+  Lease lease{"j1", 0, 0, 0, 2, 0, 8, {1, 77}, {}};
+  lease.seal = make_seal(lease, "busy", "key");
+  const std::vector<UnitName> adopted{{"j1", {0, 0, 0}}, {"j1", {0, 1, 0}}};
+  const WorkerKey busy =
+      farm.connect("busy", {.threads = 2, .credits = 6, .leases = {lease}, .running = adopted});
+  ASSERT_EQ(farm.leased(busy).size(), 6u);
+  const WorkerKey idle = farm.connect("idle", {.threads = 2, .credits = 4});
+  farm.pass(200ms, {busy, idle});
+  EXPECT_EQ(farm.outbox(busy).revoked.size(), 2u) << "adopted units are not being given back";
+}
+
 TEST(Scheduler, WorkerKeepsUnitPerThreadOverAllJobs) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 1});
