@@ -10,6 +10,7 @@
 #include <string>
 
 #include "cli/config_file.h"
+#include "cli/help_text.h"
 #include "cli/version_text.h"
 #include "client/commands/commands.h"
 #include "image/codecs/library_versions.h"
@@ -30,6 +31,7 @@ std::string config_path() {
 
 void describe_program(CLI::App& app, Invocation& invocation) {
   app.name("tessera");
+  app.formatter(cli::help_formatter());
   app.description("Renders glTF scenes on this machine or on a farm, with the same pixels.");
   app.add_option("--server", invocation.connection.server, "Default of every --server")
       ->envname("TESSERA_SERVER")

@@ -15,6 +15,7 @@
 #include "cli/config_file.h"
 #include "cli/exit_codes.h"
 #include "cli/finite_range.h"
+#include "cli/help_text.h"
 #include "cli/version_text.h"
 #include "image/codecs/library_versions.h"
 #include "server/identity_commands.h"
@@ -127,6 +128,7 @@ ParsedConfig parse_config(int argc, char** argv) {
   Config config;
   CLI::App app{"The server of a Tessera farm: accepts jobs, leases units, merges film blocks."};
   app.name("tessera-server");
+  app.formatter(cli::help_formatter());
   app.set_version_flag("--version", version_text());
   app.set_help_all_flag("--help-all", "Print the help of all commands");
   app.set_config("--config", "", "TOML file with options; the command line takes precedence");

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -23,13 +24,13 @@ struct QuotaOption {
 /// In the order of kQuotaKinds.
 constexpr std::array<QuotaOption, kQuotaKinds.size()> kOptions = {{
     {"--client-jobs",
-     "Maximum unfinished jobs per client; 0: unlimited (default with --certs: 10000)"},
+     "Maximum unfinished jobs per client; 0: unlimited (default: 10000 with --certs, else 0)"},
     {"--client-gigasamples",
      "Maximum pixels x samples of a client's unfinished jobs, 10^9; 0: unlimited"},
     {"--client-gb", "Maximum store for a client's unfinished jobs, GB; 0: unlimited"},
     {"--client-stored-gb",
      "Maximum size of a client's scene files and results, including what its unfinished jobs may "
-     "need, GB; 0: unlimited (default with --certs: half of --quota-gb)"},
+     "need, GB; 0: unlimited (default: half of --quota-gb with --certs, else 0)"},
     {"--client-streams", "With --certs: maximum open streams per client; 0: unlimited"},
     {"--client-event-subscriptions",
      "With --certs: maximum event subscriptions per client; 0: unlimited"},
@@ -76,9 +77,10 @@ absl::Status read_override(const std::string& text, ClientQuotas& quotas) {
 
 void add_quota_options(CLI::App& app, QuotaOptions& options) {
   for (std::size_t i = 0; i < kQuotaKinds.size(); ++i) {
-    app.add_option(kOptions[i].name, options.defaults.*kQuotaKinds[i].member, kOptions[i].help)
-        ->check(cli::finite_range(0.0, kMaxQuota))
-        ->capture_default_str();
+    CLI::Option* const option =
+        app.add_option(kOptions[i].name, options.defaults.*kQuotaKinds[i].member, kOptions[i].help)
+            ->check(cli::finite_range(0.0, kMaxQuota));
+    if (!absl::StrContains(kOptions[i].help, "(default")) option->capture_default_str();
   }
   app.add_option("--client-quota", options.by_client,
                  "Quotas of one client in place of the defaults, such as "

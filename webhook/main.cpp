@@ -12,6 +12,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "cli/help_text.h"
 #include "cli/version_text.h"
 #include "client/api/event_document.h"
 #include "client/api/farm_client.h"
@@ -171,6 +172,7 @@ int main(int argc, char** argv) {
   std::signal(SIGPIPE, SIG_IGN);
   WebhookOptions options;
   CLI::App app("Posts the events of a Tessera farm to an HTTP address.", "tessera-webhook");
+  app.formatter(tessera::cli::help_formatter());
   tessera::client::add_options(app, options);
   try {
     app.parse(argc, argv);

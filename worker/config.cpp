@@ -21,6 +21,7 @@
 #include "absl/strings/str_cat.h"
 #include "cli/command.h"
 #include "cli/exit_codes.h"
+#include "cli/help_text.h"
 #include "cli/version_text.h"
 #include "contract/structure_names.h"
 #include "image/codecs/library_versions.h"
@@ -277,6 +278,7 @@ bool complete(WorkerFlags& flags) {
 
 std::variant<Config, int> parse_command_line(int argc, char** argv, FaultInjector& faults) {
   CLI::App app("Renders units of work for a Tessera server.", "tessera-worker");
+  app.formatter(cli::help_formatter());
   app.set_version_flag("--version", version_text());
   app.set_help_all_flag("--help-all", "Print this help and that of all commands");
   WorkerFlags flags;

@@ -3,6 +3,8 @@
 #include <CLI/CLI.hpp>
 #include <utility>
 
+#include "cli/help_text.h"
+
 namespace tessera::client {
 namespace {
 
@@ -21,9 +23,10 @@ std::vector<ShownOption> shown_options(const CLI::App& app) {
     ShownOption one;
     for (const std::string& name : option->get_snames()) one.names.push_back("-" + name);
     for (const std::string& name : option->get_lnames()) one.names.push_back("--" + name);
-    one.description = option->get_description();
-    if (option->get_items_expected_max() > 0) one.value = option->get_type_name();
-    one.default_value = option->get_default_str();
+    cli::OptionText text = cli::option_text(*option);
+    one.value = std::move(text.value);
+    one.description = std::move(text.description);
+    one.default_value = std::move(text.default_value);
     if (!one.names.empty()) shown.push_back(std::move(one));
   }
   for (const CLI::App* group :

@@ -13,8 +13,8 @@ namespace tessera::client {
 struct ShownOption {
   std::vector<std::string> names;  // as typed: "-o", "--output"
   std::string value;               // name of its value, e.g. "DIR"; empty: a flag
-  std::string description;
-  std::string default_value;  // empty: none
+  std::string description;         // with conditions, e.g. "Threads (1 to 1024)"
+  std::string default_value;       // empty: none
 };
 
 /// Returns the options of `app` that --help shows, without positional arguments, then those of its

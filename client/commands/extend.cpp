@@ -60,9 +60,9 @@ void add_extend_command(CLI::App& app, Invocation& invocation) {
       ->check(cli::finite_range(1e-6, 1.0));
   command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
   command->footer(
-      "The result equals a job submitted with the new settings. Fails once the job is done, "
-      "because "
-      "its results are then deleted.\n"
+      "The result equals that of a job submitted with the new settings. Fails once the job is "
+      "done, "
+      "because the results of its units are then deleted.\n"
       "Examples:\n"
       "  tessera extend last --spp 1024\n"
       "  tessera extend last --error 0.02");

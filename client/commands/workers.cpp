@@ -239,8 +239,10 @@ void add_blocks(CLI::App& command, Invocation& invocation) {
     sub->add_option("--job", options->job, "Job ID, unique prefix, name, or last")
         ->type_name("JOB")
         ->required();
-    sub->footer(absl::StrCat("The owner of a job may block workers for it.\nExample:\n  tessera ",
-                             "workers ", block.name, " w-0f3a --job last"));
+    sub->footer(
+        absl::StrCat("The owner of a job may block and unblock workers for it.\n"
+                     "Example:\n  tessera workers ",
+                     block.name, " w-0f3a --job last"));
     sub->callback([&block, options, &invocation] {
       invocation.run = [&block, options, &invocation] {
         return run_block(block, *options, invocation.connection);

@@ -82,9 +82,9 @@ int main(int argc, char** argv) {
   }
   const std::filesystem::path out = argv[1];
   tessera::client::Invocation invocation;
-  CLI::App app("Renders glTF scenes on this machine or on a farm, with the same pixels.",
-               "tessera");
-  tessera::client::add_all_commands(app, invocation);
+  setenv("XDG_CONFIG_HOME", "~/.config", 1);  // in the pages, not the directory of who builds them
+  CLI::App app;
+  tessera::client::describe_program(app, invocation);
 
   std::string markdown = kHeading + write_client_pages(app, out / "man/cli");
   const char* const components[] = {"server", "server", "worker"};

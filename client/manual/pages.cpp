@@ -77,7 +77,11 @@ std::string man_page(const CLI::App& command, const std::string& program) {
   for (const ShownOption& option : shown_options(command)) {
     absl::StrAppend(&page, ".TP\n.B ", roff_text(absl::StrJoin(option.names, ", ")),
                     option.value.empty() ? "" : " \\fI" + roff_text(option.value) + "\\fR", "\n",
-                    roff_text(option.description), "\n");
+                    roff_text(option.description),
+                    option.default_value.empty()
+                        ? ""
+                        : absl::StrCat(". Default: ", roff_text(option.default_value)),
+                    "\n");
   }
   if (!command.get_footer().empty()) {
     absl::StrAppend(&page, ".SH NOTES\n.nf\n", roff_text(command.get_footer()), "\n.fi\n");
