@@ -23,6 +23,7 @@
 #include "server/film/frame_writer.h"
 #include "server/frames/finished_frame.h"
 #include "tests/bench/coverage/reference.h"
+#include "tests/bench/coverage/run_options.h"
 #include "tests/support/cpu_seconds.h"
 
 namespace tessera::bench {
@@ -38,12 +39,8 @@ using testing::SeededRenderer;
 constexpr std::uint32_t kFirstFixedSeed = 2'000'000'000;
 constexpr int kFixedSeeds = 6;
 
-struct Options {
-  std::string scene;
-  contract::RenderSettings settings;
-  int seeds = 400;
-  std::uint32_t first_seed = 1;
-  std::int32_t reference_spp = 8192, fixed_spp = 0;
+struct Options : RunOptions {
+  std::int32_t fixed_spp = 0;
 };
 
 /// Result of one seed.
@@ -328,26 +325,13 @@ int run(const Options& options) {
 int main(int argc, char** argv) {
   tessera::bench::Options o;
   double error = 0.1;
-  o.settings.width = o.settings.height = 64;
-  o.settings.tile = 16;
-  o.settings.max_depth = 6;
-  o.settings.spp = 4096;
   CLI::App app("Compares what a job asked for by its error claims with the truth");
-  app.add_option("scene", o.scene)->required();
+  tessera::bench::add_run_options(app, o, 4096);
   app.add_option("--error", error);
   app.add_option("--fixed", o.fixed_spp, "Frames of so many samples, whatever their error")
       ->check(CLI::Range(1, 1 << 20));
   app.add_flag("--denoise", o.settings.denoise, "Claims about denoised frames")
       ->excludes("--fixed");
-  app.add_option("--max-spp", o.settings.spp);
-  app.add_option("--seeds", o.seeds)->check(CLI::Range(2, 1'000'000));
-  app.add_option("--first-seed", o.first_seed);
-  app.add_option("--reference-spp", o.reference_spp)->check(CLI::Range(64, 1 << 20));
-  app.add_option("--width", o.settings.width);
-  app.add_option("--height", o.settings.height);
-  app.add_option("--tile", o.settings.tile);
-  app.add_option("--max-depth", o.settings.max_depth);
-  app.add_option("--environment", o.settings.environment, "A file in the scene's folder");
   std::vector<float> background;
   app.add_option("--background", background, "R,G,B, which lights the scene too")
       ->delimiter(',')

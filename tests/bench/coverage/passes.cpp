@@ -11,6 +11,7 @@
 #include "contract/index.h"
 #include "contract/pass_schedule.h"
 #include "tests/bench/coverage/reference.h"
+#include "tests/bench/coverage/run_options.h"
 
 namespace tessera::bench {
 namespace {
@@ -18,12 +19,8 @@ namespace {
 using contract::as_index;
 using testing::SeededRenderer;
 
-struct PassOptions {
-  std::string scene, out;
-  contract::RenderSettings settings;
-  int seeds = 100;
-  std::uint32_t first_seed = 1;
-  std::int32_t reference_spp = 8192;
+struct PassOptions : RunOptions {
+  std::string out;
 };
 
 /// Adds a tile's block to the sums of the frame: 3 * kReplicates values per pixel.
@@ -97,22 +94,10 @@ absl::Status write_passes(const PassOptions& options) {
 
 int main(int argc, char** argv) {
   tessera::bench::PassOptions o;
-  o.settings.width = o.settings.height = 64;
-  o.settings.tile = 16;
-  o.settings.max_depth = 6;
-  o.settings.spp = 256;
+  o.seeds = 100;
   CLI::App app("Stores the replicate means after every pass");
-  app.add_option("scene", o.scene)->required();
+  tessera::bench::add_run_options(app, o, 256);
   app.add_option("out", o.out)->required();
-  app.add_option("--max-spp", o.settings.spp);
-  app.add_option("--seeds", o.seeds)->check(CLI::Range(1, 1'000'000));
-  app.add_option("--first-seed", o.first_seed);
-  app.add_option("--reference-spp", o.reference_spp)->check(CLI::Range(64, 1 << 20));
-  app.add_option("--width", o.settings.width);
-  app.add_option("--height", o.settings.height);
-  app.add_option("--tile", o.settings.tile);
-  app.add_option("--max-depth", o.settings.max_depth);
-  app.add_option("--environment", o.settings.environment, "A file in the scene's folder");
   CLI11_PARSE(app, argc, argv);
   const absl::Status status = tessera::bench::write_passes(o);
   if (!status.ok()) std::fprintf(stderr, "passes: %s\n", status.ToString().c_str());
