@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "server/service/access/client_connections.h"
+#include "server/service/quotas/client_connections.h"
 
 namespace tessera::server {
 

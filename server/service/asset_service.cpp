@@ -15,7 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "contract/digest.h"
 #include "rpc/rpc_status.h"
-#include "server/service/access/refusal.h"
+#include "server/service/quotas/refusal.h"
 
 namespace tessera::server {
 namespace {

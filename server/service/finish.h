@@ -3,7 +3,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include "absl/status/status.h"
-#include "server/service/access/refusal.h"
+#include "server/service/quotas/refusal.h"
 
 namespace tessera::server {
 

@@ -23,13 +23,13 @@
 #include "server/identity/join_tokens.h"
 #include "server/service/accept_gate.h"
 #include "server/service/access/access.h"
-#include "server/service/access/call_context.h"
 #include "server/service/access/token.h"
 #include "server/service/access/worker_admission.h"
 #include "server/service/asset_service.h"
 #include "server/service/certificate_service.h"
 #include "server/service/farm_service.h"
 #include "server/service/job_service.h"
+#include "server/service/quotas/call_context.h"
 #include "server/service/worker_service.h"
 
 namespace tessera::server {

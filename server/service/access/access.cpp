@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "contract/digest.h"
 #include "rpc/channel.h"
-#include "server/service/access/call_context.h"
+#include "server/service/quotas/call_context.h"
 
 namespace tessera::server {
 namespace {

@@ -12,8 +12,8 @@
 #include "absl/status/statusor.h"
 #include "server/identity/identity.h"
 #include "server/identity/revocations.h"
-#include "server/service/access/client_limits.h"
 #include "server/service/access/open_streams.h"
+#include "server/service/quotas/client_limits.h"
 
 namespace tessera::server {
 

@@ -4,8 +4,8 @@
 #include <mutex>
 
 #include "absl/strings/str_cat.h"
-#include "server/service/access/refusal.h"
 #include "server/service/messages/messages.h"
+#include "server/service/quotas/refusal.h"
 #include "server/service/streams/polling_stream.h"
 
 namespace tessera::server {

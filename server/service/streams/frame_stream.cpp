@@ -9,8 +9,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "rpc/rpc_status.h"
-#include "server/service/access/refusal.h"
 #include "server/service/messages/messages.h"
+#include "server/service/quotas/refusal.h"
 
 namespace tessera::server {
 namespace {

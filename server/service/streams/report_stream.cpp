@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "rpc/rpc_status.h"
-#include "server/service/access/refusal.h"
+#include "server/service/quotas/refusal.h"
 
 namespace tessera::server {
 namespace {

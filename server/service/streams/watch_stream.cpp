@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "server/service/access/refusal.h"
 #include "server/service/messages/job_messages.h"
+#include "server/service/quotas/refusal.h"
 #include "server/service/streams/polling_stream.h"
 
 namespace tessera::server {

@@ -1,5 +1,5 @@
 // The table of connections, over pairs of sockets in place of accepted ones.
-#include "server/service/access/client_connections.h"
+#include "server/service/quotas/client_connections.h"
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>

@@ -12,7 +12,7 @@
 
 #include "client/api/farm_client.h"
 #include "rpc/channel.h"
-#include "server/service/access/client_limits.h"
+#include "server/service/quotas/client_limits.h"
 #include "tessera/v1/farm_service.grpc.pb.h"
 #include "tests/integration/server/secure_farm.h"
 

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "server/service/access/client_connections.h"
+#include "server/service/quotas/client_connections.h"
 #include "server/state/client_quota.h"
 
 namespace tessera::server {

@@ -1,4 +1,4 @@
-#include "server/service/access/call_context.h"
+#include "server/service/quotas/call_context.h"
 
 #include <grpcpp/generic/async_generic_service.h>
 

@@ -1,4 +1,4 @@
-#include "server/service/access/client_connections.h"
+#include "server/service/quotas/client_connections.h"
 
 #include <arpa/inet.h>
 #include <fcntl.h>

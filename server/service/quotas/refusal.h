@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "rpc/rpc_status.h"
-#include "server/service/access/client_limits.h"
+#include "server/service/quotas/client_limits.h"
 
 namespace tessera::server {
 

@@ -1,4 +1,4 @@
-#include "server/service/access/client_limits.h"
+#include "server/service/quotas/client_limits.h"
 
 #include <algorithm>
 #include <atomic>
