@@ -1,5 +1,10 @@
 #include "client/commands/commands.h"
 
+#include "client/commands/completion.h"
+#include "client/commands/farm/farm_commands.h"
+#include "client/commands/jobs/job_commands.h"
+#include "client/commands/local/local_commands.h"
+
 namespace tessera::client {
 
 void add_all_commands(CLI::App& app, Invocation& invocation) {

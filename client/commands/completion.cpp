@@ -9,7 +9,6 @@
 #include "absl/strings/str_replace.h"
 #include "cli/command.h"
 #include "client/cli/shown_options.h"
-#include "client/commands/commands.h"
 
 namespace tessera::client {
 namespace {

@@ -11,7 +11,7 @@
 #include "cli/command.h"
 #include "client/charts/accelerators_svg.h"
 #include "client/cli/table.h"
-#include "client/commands/commands.h"
+#include "client/commands/local/local_commands.h"
 #include "client/output/frame_files.h"
 #include "client/request/scene_report.h"
 #include "contract/structure_names.h"

@@ -11,7 +11,7 @@
 #include "client/api/farm_client.h"
 #include "client/cli/progress.h"
 #include "client/cli/table.h"
-#include "client/commands/commands.h"
+#include "client/commands/farm/farm_commands.h"
 
 namespace tessera::client {
 namespace {

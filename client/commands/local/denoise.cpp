@@ -10,7 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "cli/command.h"
 #include "client/cli/table.h"
-#include "client/commands/commands.h"
+#include "client/commands/local/local_commands.h"
 #include "image/denoise/frame_denoiser.h"
 #include "image/denoise/layers.h"
 #include "image/exr/exr_file.h"

@@ -15,7 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "cli/command.h"
 #include "client/api/farm_client.h"
-#include "client/commands/commands.h"
+#include "client/commands/farm/farm_commands.h"
 #include "client/local_farm/farm_supervisor.h"
 #include "client/local_farm/local_farm.h"
 

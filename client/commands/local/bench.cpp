@@ -13,7 +13,7 @@
 #include "client/bench/bench_reference.h"
 #include "client/bench/bench_stats.h"
 #include "client/cli/table.h"
-#include "client/commands/commands.h"
+#include "client/commands/local/local_commands.h"
 #include "client/local_farm/local_farm.h"
 #include "client/output/frame_files.h"
 #include "client/output/job_status.h"
@@ -26,8 +26,8 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::chrono::milliseconds kWatchInterval{20};
-constexpr std::chrono::seconds kConnectTimeout{30};
+constexpr std::chrono::milliseconds kBenchWatchInterval{20};
+constexpr std::chrono::seconds kBenchConnectTimeout{30};
 
 struct BenchOptions {
   std::vector<std::string> scenes;
@@ -118,7 +118,8 @@ absl::StatusOr<Subject> open_subject(const BenchOptions& options, const std::str
 /// Runs the job to its end and returns its report with the true error.
 absl::StatusOr<ordered_json> finish(FarmClient& client, const std::string& job_id,
                                     const Subject& subject) {
-  const auto job = client.watch_job(job_id, kWatchInterval, [](const v1::Job&) { return true; });
+  const auto job =
+      client.watch_job(job_id, kBenchWatchInterval, [](const v1::Job&) { return true; });
   if (!job.ok()) return job.status();
   if (job->state() != v1::Job::STATE_DONE) return absl::InternalError(job->reason());
   const auto text = client.get_report(job_id);
@@ -213,7 +214,7 @@ int run(BenchOptions options) {
   if (absl::Status up = (*farm)->wait_until_up(); !up.ok()) return fail(up);
   Connection connection;
   connection.server = (*farm)->address();
-  connection.connect_timeout = kConnectTimeout;
+  connection.connect_timeout = kBenchConnectTimeout;
   const auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
   (*farm)->on_death([&] { (*client)->cancel(); });

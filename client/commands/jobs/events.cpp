@@ -9,7 +9,7 @@
 #include "client/api/event_document.h"
 #include "client/api/farm_client.h"
 #include "client/api/signal_handler.h"
-#include "client/commands/commands.h"
+#include "client/commands/jobs/job_commands.h"
 
 namespace tessera::client {
 namespace {

@@ -8,7 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "cli/command.h"
 #include "client/cli/table.h"
-#include "client/commands/commands.h"
+#include "client/commands/local/local_commands.h"
 #include "client/output/image_file.h"
 
 namespace tessera::client {

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "cli/command.h"
-#include "client/commands/commands.h"
+#include "client/commands/jobs/job_commands.h"
 #include "client/output/job_status.h"
 
 namespace tessera::client {

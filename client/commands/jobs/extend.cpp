@@ -7,7 +7,7 @@
 #include "cli/command.h"
 #include "cli/finite_range.h"
 #include "client/api/farm_client.h"
-#include "client/commands/commands.h"
+#include "client/commands/jobs/job_commands.h"
 #include "client/output/job_status.h"
 #include "contract/pass_schedule.h"
 

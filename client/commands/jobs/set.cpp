@@ -8,7 +8,7 @@
 
 #include "cli/command.h"
 #include "client/api/farm_client.h"
-#include "client/commands/commands.h"
+#include "client/commands/jobs/job_commands.h"
 #include "client/output/job_status.h"
 #include "client/request/limit_uses.h"
 

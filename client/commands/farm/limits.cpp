@@ -7,7 +7,7 @@
 #include "cli/command.h"
 #include "client/api/farm_client.h"
 #include "client/cli/table.h"
-#include "client/commands/commands.h"
+#include "client/commands/farm/farm_commands.h"
 
 namespace tessera::client {
 namespace {
@@ -17,7 +17,7 @@ struct LimitOptions {
   std::int64_t units = 0;
 };
 
-int run_list(bool json, const Connection& connection) {
+int list_limits(bool json, const Connection& connection) {
   const auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
   const auto limits = (*client)->list_limits();
@@ -42,7 +42,7 @@ int run_list(bool json, const Connection& connection) {
   return kExitDone;
 }
 
-int run_set(const LimitOptions& options, const Connection& connection) {
+int set_limit(const LimitOptions& options, const Connection& connection) {
   const auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
   const auto limit = (*client)->set_limit(options.name, options.units);
@@ -53,7 +53,7 @@ int run_set(const LimitOptions& options, const Connection& connection) {
   return kExitDone;
 }
 
-int run_remove(const LimitOptions& options, const Connection& connection) {
+int remove_limit(const LimitOptions& options, const Connection& connection) {
   const auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
   if (const absl::Status status = (*client)->remove_limit(options.name); !status.ok()) {
@@ -87,7 +87,7 @@ void add_limits_command(CLI::App& app, Invocation& invocation) {
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}));
   set->footer("Example:\n  tessera limits set licence 8");
   set->callback([to_set, &invocation] {
-    invocation.run = [to_set, &invocation] { return run_set(*to_set, invocation.connection); };
+    invocation.run = [to_set, &invocation] { return set_limit(*to_set, invocation.connection); };
   });
   auto to_remove = std::make_shared<LimitOptions>();
   CLI::App* remove =
@@ -96,7 +96,7 @@ void add_limits_command(CLI::App& app, Invocation& invocation) {
   remove->footer("Example:\n  tessera limits remove licence");
   remove->callback([to_remove, &invocation] {
     invocation.run = [to_remove, &invocation] {
-      return run_remove(*to_remove, invocation.connection);
+      return remove_limit(*to_remove, invocation.connection);
     };
   });
   command->require_subcommand(0, 1);
@@ -106,7 +106,7 @@ void add_limits_command(CLI::App& app, Invocation& invocation) {
       "Examples:\n  tessera limits\n  tessera limits set licence 8");
   command->callback([command, json, &invocation] {
     if (!command->get_subcommands().empty()) return;  // the subcommand has its own callback
-    invocation.run = [json, &invocation] { return run_list(*json, invocation.connection); };
+    invocation.run = [json, &invocation] { return list_limits(*json, invocation.connection); };
   });
 }
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "cli/command.h"
-#include "client/commands/commands.h"
+#include "client/commands/jobs/job_commands.h"
 #include "client/output/job_status.h"
 #include "client/request/job_request.h"
 #include "client/request/limit_uses.h"

@@ -11,7 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "cli/command.h"
 #include "client/api/farm_client.h"
-#include "client/commands/commands.h"
+#include "client/commands/jobs/job_commands.h"
 #include "client/output/frame_files.h"
 #include "rpc/settings_message.h"
 

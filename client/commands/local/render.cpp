@@ -16,7 +16,7 @@
 #include "cli/command.h"
 #include "cli/finite_range.h"
 #include "client/cli/progress.h"
-#include "client/commands/commands.h"
+#include "client/commands/local/local_commands.h"
 #include "client/local_farm/local_farm.h"
 #include "client/output/frame_files.h"
 #include "client/output/job_status.h"

@@ -14,7 +14,7 @@
 #include "cli/command.h"
 #include "client/api/farm_client.h"
 #include "client/cli/table.h"
-#include "client/commands/commands.h"
+#include "client/commands/farm/farm_commands.h"
 
 namespace tessera::client {
 namespace {

@@ -14,7 +14,7 @@
 #include "client/charts/timeline.h"
 #include "client/cli/progress.h"
 #include "client/cli/table.h"
-#include "client/commands/commands.h"
+#include "client/commands/jobs/job_commands.h"
 #include "client/output/frame_files.h"
 #include "client/output/true_error.h"
 
