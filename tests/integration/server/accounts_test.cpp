@@ -3,7 +3,7 @@
 #include <functional>
 #include <memory>
 
-#include "tests/integration/server/test_farm.h"
+#include "tests/integration/server/support/test_farm.h"
 
 namespace tessera::server {
 namespace {

@@ -6,7 +6,7 @@
 #include <set>
 #include <utility>
 
-#include "tests/integration/server/test_farm.h"
+#include "tests/integration/server/support/test_farm.h"
 
 namespace tessera::server {
 namespace {

@@ -1,5 +1,5 @@
 // Limits, pools and changes of jobs as messages.
-#include "tests/integration/server/test_farm.h"
+#include "tests/integration/server/support/test_farm.h"
 
 namespace tessera::server {
 namespace {

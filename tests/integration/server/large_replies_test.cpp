@@ -6,7 +6,7 @@
 
 #include "server/service/messages/messages.h"
 #include "server/service/streams/report_stream.h"
-#include "tests/integration/server/test_farm.h"
+#include "tests/integration/server/support/test_farm.h"
 
 namespace tessera::server {
 namespace {

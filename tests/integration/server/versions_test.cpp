@@ -4,7 +4,7 @@
 #include "contract/version.h"
 #include "rpc/protocol_version.h"
 #include "server/store/sqlite/database.h"
-#include "tests/integration/server/test_farm.h"
+#include "tests/integration/server/support/test_farm.h"
 #include "tests/support/disk/older_schema.h"
 
 namespace tessera::server {

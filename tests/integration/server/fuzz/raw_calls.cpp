@@ -8,9 +8,9 @@
 #include "server/service/access/access.h"
 #include "tessera/v1/certificate_service.grpc.pb.h"
 #include "tessera/v1/farm_service.grpc.pb.h"
-#include "tests/integration/server/all_methods.h"
 #include "tests/integration/server/fuzz/random_messages.h"
 #include "tests/integration/server/fuzz/service_fuzzer.h"
+#include "tests/integration/server/support/all_methods.h"
 
 namespace tessera::server {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "tests/integration/server/fuzz/job_model.h"
-#include "tests/integration/server/secure_farm.h"
+#include "tests/integration/server/support/secure_farm.h"
 #include "tests/support/dice.h"
 
 namespace tessera::server {

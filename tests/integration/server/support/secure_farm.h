@@ -14,9 +14,9 @@
 #include "server/service/server.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
 #include "tessera/v1/job_service.grpc.pb.h"
-#include "tests/integration/server/made_job.h"
-#include "tests/integration/server/running_coordinator.h"
-#include "tests/integration/server/test_worker.h"
+#include "tests/integration/server/support/made_job.h"
+#include "tests/integration/server/support/running_coordinator.h"
+#include "tests/integration/server/support/test_worker.h"
 #include "tests/support/scratch_folder.h"
 
 namespace tessera::server {

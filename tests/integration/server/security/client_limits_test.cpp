@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "tests/integration/server/secure_farm.h"
+#include "tests/integration/server/support/secure_farm.h"
 
 namespace tessera::server {
 namespace {

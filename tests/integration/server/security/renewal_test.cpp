@@ -17,7 +17,7 @@
 #include "server/identity/private_file.h"
 #include "server/identity/revocations.h"
 #include "tessera/v1/certificate_service.grpc.pb.h"
-#include "tests/integration/server/secure_farm.h"
+#include "tests/integration/server/support/secure_farm.h"
 
 namespace tessera::server {
 namespace {

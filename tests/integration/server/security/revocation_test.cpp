@@ -4,7 +4,7 @@
 #include <string>
 #include <thread>
 
-#include "tests/integration/server/secure_farm.h"
+#include "tests/integration/server/support/secure_farm.h"
 
 namespace tessera::server {
 namespace {

@@ -8,8 +8,8 @@
 #include "tessera/v1/certificate_service.pb.h"
 #include "tessera/v1/farm_service.pb.h"
 #include "tessera/v1/worker_service.pb.h"
-#include "tests/integration/server/all_methods.h"
-#include "tests/integration/server/secure_farm.h"
+#include "tests/integration/server/support/all_methods.h"
+#include "tests/integration/server/support/secure_farm.h"
 
 namespace tessera::server {
 namespace {

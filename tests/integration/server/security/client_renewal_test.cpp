@@ -9,7 +9,7 @@
 
 #include "client/api/farm_client.h"
 #include "server/identity/private_file.h"
-#include "tests/integration/server/secure_farm.h"
+#include "tests/integration/server/support/secure_farm.h"
 
 namespace tessera::server {
 namespace {

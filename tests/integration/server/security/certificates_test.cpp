@@ -9,7 +9,7 @@
 
 #include "rpc/certificate_dates.h"
 #include "server/identity/private_file.h"
-#include "tests/integration/server/secure_farm.h"
+#include "tests/integration/server/support/secure_farm.h"
 
 namespace tessera::server {
 namespace {

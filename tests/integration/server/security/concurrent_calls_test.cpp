@@ -14,7 +14,7 @@
 #include "rpc/channel.h"
 #include "server/service/quotas/client_limits.h"
 #include "tessera/v1/farm_service.grpc.pb.h"
-#include "tests/integration/server/secure_farm.h"
+#include "tests/integration/server/support/secure_farm.h"
 
 namespace tessera::server {
 namespace {

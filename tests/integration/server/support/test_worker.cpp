@@ -1,4 +1,4 @@
-#include "tests/integration/server/test_worker.h"
+#include "tests/integration/server/support/test_worker.h"
 
 #include <algorithm>
 #include <chrono>

@@ -2,7 +2,7 @@
 #include <chrono>
 #include <thread>
 
-#include "tests/integration/server/secure_farm.h"
+#include "tests/integration/server/support/secure_farm.h"
 
 namespace tessera::server {
 namespace {

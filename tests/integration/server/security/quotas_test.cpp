@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "tessera/v1/farm_service.grpc.pb.h"
-#include "tests/integration/server/secure_farm.h"
+#include "tests/integration/server/support/secure_farm.h"
 
 namespace tessera::server {
 namespace {

@@ -16,9 +16,9 @@
 #include "server/service/farm_service.h"
 #include "server/service/job_service.h"
 #include "server/service/worker_service.h"
-#include "tests/integration/server/made_job.h"
-#include "tests/integration/server/running_coordinator.h"
-#include "tests/integration/server/test_worker.h"
+#include "tests/integration/server/support/made_job.h"
+#include "tests/integration/server/support/running_coordinator.h"
+#include "tests/integration/server/support/test_worker.h"
 #include "tests/support/scratch_folder.h"
 
 namespace tessera::server {
