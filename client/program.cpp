@@ -42,7 +42,7 @@ void describe_program(CLI::App& app, Invocation& invocation) {
   app.add_option("--token", invocation.connection.token_file, "Default of every --token")
       ->group("");
   app.set_config("--config", config_path(),
-                 "File of defaults (TOML): server = \"…\", [render] spp = 256");
+                 "TOML file with default options, e.g. server = \"…\" or [render] spp = 256");
   app.config_formatter(std::make_shared<cli::ConfigFile>(app));
   app.set_version_flag(
       "--version",

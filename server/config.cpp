@@ -63,7 +63,7 @@ void add_options(CLI::App& app, Config& config) {
          "other machines can reach require --certs")
       ->type_name("ADDRESS");
   app.add_option("--store", config.store,
-                 "Directory of jobs, blocks and images; created if missing")
+                 "Directory for jobs, blocks and images; created if missing")
       ->type_name("DIR");
   app.add_option(
          "--certs", config.certs,
@@ -71,14 +71,14 @@ void add_options(CLI::App& app, Config& config) {
          "callers with a certificate of that authority")
       ->type_name("DIR");
   const auto size = cli::finite_range(0.001, 1e6);
-  app.add_option("--film-memory-gb", config.film_memory_gb, "Merged tiles kept in memory, GB")
+  app.add_option("--film-memory-gb", config.film_memory_gb, "Memory for merged tiles, GB")
       ->check(size)
       ->capture_default_str();
   app.add_option("--ingest-memory-gb", config.ingest_memory_gb,
-                 "Delivered blocks kept in memory until they are durable, GB")
+                 "Memory for delivered blocks until they are durable, GB")
       ->check(size)
       ->capture_default_str();
-  app.add_option("--quota-gb", config.quota_gb, "Store size above which jobs are refused, GB")
+  app.add_option("--quota-gb", config.quota_gb, "Store size above which new jobs are refused, GB")
       ->check(size)
       ->capture_default_str();
   app.add_option("--asset-quota-gb", config.asset_quota_gb,

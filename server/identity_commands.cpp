@@ -47,7 +47,7 @@ struct CertificateFlags {
 };
 
 void add_folder(CLI::App& command, CertificateFlags& flags) {
-  command.add_option("directory", flags.folder, "Directory of the farm's authority")
+  command.add_option("directory", flags.folder, "Directory of the farm's CA")
       ->required()
       ->type_name("DIR");
 }
@@ -109,7 +109,7 @@ void add_certificate_commands(CLI::App& app, Run& run) {
       app, "issue-cert", "Issue a certificate into a directory for --certs; prints the directory");
   add_folder(*issue, *flags);
   add_who(*issue, *flags);
-  issue->add_option("--out", flags->out, "Directory to write to (default: DIR/ROLE-NAME)")
+  issue->add_option("--out", flags->out, "Directory for the certificate (default: DIR/ROLE-NAME)")
       ->type_name("DIR");
   add_days(*issue, *flags);
   issue->callback([flags, &run] { run = [flags] { return issue_cert(*flags); }; });
@@ -188,13 +188,17 @@ void add_token_commands(CLI::App& app, Run& run) {
   CLI::App* create =
       cli::add_command(*tokens, "create", "Create a token and print it (shown only once)");
   add_store(*create);
-  create->add_option("--ttl", flags->ttl, "Time for which workers can join with it")
+  create->add_option("--ttl", flags->ttl, "Time for which workers can join with the token")
       ->type_name("DURATION")
       ->capture_default_str();
-  create->add_option("--max-joins", flags->max_joins, "Maximum number of workers; 0: unlimited")
+  create
+      ->add_option("--max-joins", flags->max_joins,
+                   "Maximum number of workers that can join; 0: unlimited")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))
       ->capture_default_str();
-  create->add_option("--out", flags->out, "Write the token to a file of mode 0600 instead")
+  create
+      ->add_option("--out", flags->out,
+                   "File of mode 0600 to write the token to, instead of printing it")
       ->type_name("FILE");
   create->callback([flags, &run] { run = [flags] { return create_token(*flags); }; });
 

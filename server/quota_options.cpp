@@ -36,9 +36,9 @@ constexpr std::array<QuotaOption, kQuotaKinds.size()> kOptions = {{
      "With --certs: maximum event subscriptions per client; 0: unlimited"},
     {"--client-connections", "With --certs: maximum open connections per client; 0: unlimited"},
     {"--client-concurrent-calls",
-     "With --certs: maximum calls in progress per client, without streams; 0: unlimited"},
+     "With --certs: maximum calls in progress per client, excluding streams; 0: unlimited"},
     {"--client-calls", "With --certs: maximum calls per second per client; 0: unlimited"},
-    {"--client-upload-gb", "With --certs: maximum upload per client and hour, GB; 0: unlimited"},
+    {"--client-upload-gb", "With --certs: maximum upload per client per hour, GB; 0: unlimited"},
 }};
 
 absl::Status malformed(const std::string& text, const std::string& what) {

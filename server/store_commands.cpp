@@ -48,7 +48,8 @@ absl::Status back_up(const StoreFlags& flags) {
 void add_store_commands(CLI::App& app, std::function<absl::Status()>& run) {
   auto flags = std::make_shared<StoreFlags>();
   CLI::App* checking = cli::add_command(
-      app, "check", "Verify an offline store: compare every row with its files (read-only)");
+      app, "check",
+      "Verify the store of a stopped server: compare every row with its files (read-only)");
   checking->add_option("store", flags->folder, "Directory of the store")
       ->required()
       ->type_name("DIR");

@@ -130,7 +130,7 @@ void add_options(CLI::App& app, WebhookOptions& options) {
       ->required();
   app.add_option(
          "--secret-file", options.secret_file,
-         "File with the key of the signature header, Tessera-Signature: sha256=HMAC of the body")
+         "File with the key for the signature header, Tessera-Signature: sha256=HMAC of the body")
       ->type_name("FILE");
   app.add_option("--events", options.relay.events,
                  "Comma-separated list of events, e.g. \"job done,job failed\" (default: all)")
@@ -154,9 +154,8 @@ void add_options(CLI::App& app, WebhookOptions& options) {
       "order "
       "and one at a time, until the receiver responds 2xx. After 408, 425, 429, 5xx or no response "
       "it "
-      "retries in 1 s, 2 s, up to 60 s; other responses skip the event. A receiver may see an "
-      "event "
-      "twice, with the same sequence.\n"
+      "retries in 1 s, 2 s, up to 60 s; after any other response it skips the event. A receiver "
+      "may see an event twice, with the same sequence.\n"
       "Example:\n"
       "  tessera-webhook --server unix:/run/tessera/server.sock --url https://chat.example/hook "
       "\\\n"

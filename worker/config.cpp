@@ -121,7 +121,7 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
                  "Persistent worker ID; after a restart the server reclaims the previous process's "
                  "units immediately (default: random)");
   app.add_option("--name", options.name, "Display name (default: the host name)");
-  app.add_option("--tags", options.tags, "Tags that jobs can select with `submit --require-tag`")
+  app.add_option("--tags", options.tags, "Comma-separated tags, for `submit --require-tag`")
       ->delimiter(',');
   app.add_option("--pool", options.pool,
                  "Pool of the worker unless an operator moves it (default: the pool named default)")
@@ -142,8 +142,8 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
          "see the log)")
       ->type_name("HOST:PORT");
   app.add_option("--log-level", flags.log_level,
-                 "Minimum level logged to stderr, and of lines about jobs to the server (`tessera "
-                 "logs`)")
+                 "Minimum level of lines logged to stderr, and of lines about jobs sent to the "
+                 "server (`tessera logs`)")
       ->check(CLI::IsMember(log_level_names()))
       ->capture_default_str();
 }
@@ -161,21 +161,21 @@ CLI::App* add_renderer(CLI::App& app, agent::RendererOptions& options) {
 
 void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
   inspect.add_option("scene", config.scene, "glTF file")->required();
-  inspect.add_flag("--json", config.json, "JSON output, schema tessera.inspect/1")->required();
+  inspect.add_flag("--json", config.json, "Print JSON (tessera.inspect/1)")->required();
   inspect
       .add_option("--environment", config.environment, "Environment map to check with the scene")
       ->type_name("FILE");
   inspect.add_flag("--accelerators", config.accelerators,
-                   "Comparison of all acceleration structures on the scene's rays");
+                   "Compare all acceleration structures on rays of the scene");
   inspect
       .add_option("--accelerator", config.accelerator,
-                  "Comparison of the production structure with NAME only")
+                  "Acceleration structure to compare with the production BVH")
       ->check(CLI::IsMember(contract::kStructureNames));
   inspect.add_flag("--self-intersections", config.self_intersections,
-                   "List of intersecting triangles, and which meshes are closed");
-  inspect.add_flag("--validate", config.validate, "Breaches of the glTF 2.0 specification");
+                   "List intersecting triangles, and report which meshes are closed");
+  inspect.add_flag("--validate", config.validate, "List violations of the glTF 2.0 specification");
   inspect.add_flag("--vertex-distances", config.vertex_distances,
-                   "Distances between vertices, and a list of those that nearly coincide");
+                   "Measure distances between vertices, and list those that nearly coincide");
   inspect.add_option("--settings", config.settings_hex)->group("");  // passed by the client
   inspect.footer("Example: tessera-worker inspect scene.glb --json");
 }

@@ -14,7 +14,7 @@ namespace tessera::client {
 ///       CLI::App* command = cli::add_command(app, "status", "Show a job's state and progress");
 ///       add_connection_options(*command, invocation.connection);
 ///       add_job_argument(*command, options->job);
-///       command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
+///       command->add_flag("--json", options->json, "Print JSON (tessera.job/1)");
 ///       command->callback([options, &invocation] {
 ///         invocation.run = [options, &invocation] { return run(*options, invocation); };
 ///       });

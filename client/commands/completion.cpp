@@ -147,8 +147,9 @@ std::string completion_script(const CLI::App& app, const std::string& shell) {
 
 void add_completion_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<CompletionOptions>();
-  CLI::App* command = cli::add_command(app, "completion", "Print a shell's completion script");
-  command->add_option("shell", options->shell, "bash, zsh or fish")
+  CLI::App* command =
+      cli::add_command(app, "completion", "Print the completion script for a shell");
+  command->add_option("shell", options->shell, "Shell: bash, zsh or fish")
       ->required()
       ->check(CLI::IsMember({"bash", "zsh", "fish"}));
   command->footer(

@@ -67,14 +67,18 @@ void add_view_options(CLI::App& command, RenderOptions& options) {
       ->group(group);
   command
       .add_option("--camera", options.camera,
-                  "Camera (default: the first; if none, the whole scene is framed)")
+                  "Camera (default: the first; a scene without cameras is framed whole)")
       ->type_name("NAME|INDEX")
       ->group(group);
-  command.add_option("--scene", options.scene_index, "glTF scene (default: the file's)")
+  command
+      .add_option("--scene", options.scene_index,
+                  "Index of the glTF scene (default: the file's default scene)")
       ->check(CLI::Range(0, std::numeric_limits<int>::max()))
       ->type_name("N")
       ->group(group);
-  command.add_option("--frames", options.frames, "Frames: 0, 1-10, 1-10x2, 1,4,9")
+  command
+      .add_option("--frames", options.frames,
+                  "Frames, e.g. 0, 1-10, 1-10x2 (every second frame) or 1,4,9")
       ->check(checked(check_frames))
       ->type_name("RANGES")
       ->capture_default_str()
@@ -94,7 +98,7 @@ void add_view_options(CLI::App& command, RenderOptions& options) {
       ->group(group);
   command
       .add_flag("--cull-backfaces", options.cull_backfaces,
-                "Back-face culling for the camera, single-sided materials only")
+                "Hide back faces of single-sided materials from the camera")
       ->group(group);
 }
 
@@ -195,8 +199,8 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
   command
       .add_option(
           "--reference", options.reference,
-          "Reference image for the true error; for several frames, frame numbers are inserted "
-          "(REF.0007.exr)")
+          "Reference image for the true error; with several frames, one image for each, named "
+          "REF.0007.exr")
       ->type_name("REF.exr")
       ->group(group);
   command
@@ -207,11 +211,13 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
       ->type_name("LIST")
       ->group(group);
   command
-      .add_flag("--denoise", options.denoise,
-                "Denoised frames with an error bound, to which --error then refers; the EXR file "
-                "keeps the raw image")
+      .add_flag(
+          "--denoise", options.denoise,
+          "Denoise frames and bound the remaining error, to which --error then refers; the EXR "
+          "file also keeps the raw image")
       ->group(group);
-  command.add_flag("--half", options.half, "Half-precision floats in EXR files")->group(group);
+  command.add_flag("--half", options.half, "Write half-precision floats to EXR files")
+      ->group(group);
   add_accelerator_option(command, options.accelerator)->group("Comparison");
 }
 

@@ -142,14 +142,15 @@ void add_set_options(CLI::App& command, BudgetOptions& options) {
       ->check(CLI::IsMember({"ever", "day", "week", "month"}))
       ->capture_default_str();
   command
-      .add_option("--when-used-up", options.action,
-                  "Effect when the budget is used up: a warning only, or no further leases; leased "
-                  "units are finished")
+      .add_option(
+          "--when-used-up", options.action,
+          "Action when the budget is used up: only warn, or stop leasing units; leased units "
+          "are finished")
       ->check(CLI::IsMember({"warn", "stop"}))
       ->capture_default_str();
   command
       .add_option("--warn-at", options.warning_fraction,
-                  "Fraction of the budget whose use causes a warning")
+                  "Used fraction of the budget at which to warn")
       ->check(cli::finite_range(0.01, 1.0))
       ->capture_default_str();
 }
@@ -161,14 +162,14 @@ void add_budgets_command(CLI::App& app, Invocation& invocation) {
   CLI::App* command =
       cli::add_command(app, "budgets", "List the budgets of clients and projects and their use");
   add_connection_options(*command, invocation.connection);
-  command->add_flag("--json", *json, "JSON output (tessera.budgets/1)");
+  command->add_flag("--json", *json, "Print JSON (tessera.budgets/1)");
   const auto to_set = std::make_shared<BudgetOptions>();
   CLI::App* set = add_command(*command, invocation, "set", "Set the budget of a client or project",
                               to_set, run_set);
   add_set_options(*set, *to_set);
   set->footer(
-      "CPU time that was used earlier in the period counts as well. An event reports when the\n"
-      "fraction --warn-at is used, another one when the whole budget is.\n"
+      "CPU time used earlier in the period counts as well. Events report when the fraction\n"
+      "--warn-at is used, and when the whole budget is used up.\n"
       "Examples:\n  tessera budgets set --owner ann --cpu-hours 500 --period month\n"
       "  tessera budgets set --project film --cpu-hours 20000 --when-used-up warn");
   add_command(*command, invocation, "remove", "Remove a budget", std::make_shared<BudgetOptions>(),

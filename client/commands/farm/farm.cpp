@@ -133,7 +133,7 @@ void add_farm_command(CLI::App& app, Invocation& invocation) {
   command->require_subcommand(1);
   CLI::App* up = cli::add_command(
       *command, "up",
-      "Start a server and workers for this user, which other commands use by default");
+      "Start a server and workers for this user; other commands use them by default");
   up->add_option("--workers", options->workers, "Number of worker processes")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -142,7 +142,7 @@ void add_farm_command(CLI::App& app, Invocation& invocation) {
       ->check(CLI::Range(1, 1024))
       ->type_name("N");
   up->add_option("--store", options->store,
-                 "Directory of jobs and results (default: $XDG_DATA_HOME/tessera/farm)")
+                 "Directory for jobs and results (default: $XDG_DATA_HOME/tessera/farm)")
       ->type_name("DIR");
   up->footer(
       "The farm keeps running when the terminal is closed. Its jobs resume after `tessera farm "

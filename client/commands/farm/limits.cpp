@@ -78,7 +78,7 @@ void add_limits_command(CLI::App& app, Invocation& invocation) {
   CLI::App* command = cli::add_command(
       app, "limits", "List limits, such as licences, and how many units of each are in use");
   add_connection_options(*command, invocation.connection);
-  command->add_flag("--json", *json, "JSON output (tessera.limits/1)");
+  command->add_flag("--json", *json, "Print JSON (tessera.limits/1)");
   auto to_set = std::make_shared<LimitOptions>();
   CLI::App* set = add_order(*command, invocation, "set",
                             "Create a limit, or change its number of units", *to_set);

@@ -59,7 +59,7 @@ void add_quotas_command(CLI::App& app, Invocation& invocation) {
   auto json = std::make_shared<bool>(false);
   CLI::App* command = cli::add_command(app, "quotas", "Show the quotas of clients and their use");
   add_connection_options(*command, invocation.connection);
-  command->add_flag("--json", *json, "JSON output (tessera.quotas/1)");
+  command->add_flag("--json", *json, "Print JSON (tessera.quotas/1)");
   command->footer(
       "A request that would exceed a quota is refused. The operator sets quotas with the options\n"
       "--client-QUOTA and --client-quota of tessera-server. On farms with certificates a client\n"

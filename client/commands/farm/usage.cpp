@@ -176,8 +176,8 @@ void add_usage_command(CLI::App& app, Invocation& invocation) {
       ->add_option("--project", options->project,
                    "Only jobs of this project; \"\": jobs without one")
       ->type_name("NAME");
-  CLI::Option* json = command->add_flag("--json", options->json, "JSON output (tessera.usage/1)");
-  command->add_flag("--csv", options->csv, "CSV output")->excludes(json);
+  CLI::Option* json = command->add_flag("--json", options->json, "Print JSON (tessera.usage/1)");
+  command->add_flag("--csv", options->csv, "Print CSV")->excludes(json);
   command->footer(
       "Each committed unit counts once, even if its job has been removed. On farms with\n"
       "certificates a client sees only its own jobs.\n"

@@ -154,7 +154,7 @@ void add_move(CLI::App& command, Invocation& invocation) {
   add_connection_options(*sub, invocation.connection);
   sub->add_option("worker", options->worker, "Worker ID, unique prefix, or name")->required();
   sub->add_option("pool", options->pool,
-                  "Name of the pool; \"\": the pool that the worker's own --pool names")
+                  "Name of the pool; \"\": the pool that the worker was started with")
       ->required();
   sub->footer(
       "The worker returns units that it has not started.\n"
@@ -205,7 +205,7 @@ struct Block {
 };
 
 constexpr Block kBlocks[] = {
-    {"block", "Block a worker for one job: none of its units are leased to it", "is blocked", true},
+    {"block", "Block a worker for one job: lease it none of the job's units", "is blocked", true},
     {"unblock", "Unblock a worker for a job", "is no longer blocked", false},
 };
 
@@ -277,7 +277,7 @@ void add_workers_command(CLI::App& app, Invocation& invocation) {
   CLI::App* command =
       cli::add_command(app, "workers", "List workers connected now or within the last hour");
   add_connection_options(*command, invocation.connection);
-  command->add_flag("--json", options->json, "JSON output (tessera.workers/2)");
+  command->add_flag("--json", options->json, "Print JSON (tessera.workers/2)");
   add_orders(*command, invocation);
   command->footer(
       "On farms with certificates, pool, set-aside, bring-back, drain, ban and allow require an\n"

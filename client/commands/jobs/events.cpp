@@ -74,7 +74,7 @@ CLI::App* add_command(CLI::App& app, Invocation& invocation, const char* name,
                       const char* description, const std::shared_ptr<EventsOptions>& options) {
   CLI::App* command = cli::add_command(app, name, description);
   add_connection_options(*command, invocation.connection);
-  command->add_flag("--json", options->json, "JSON output, one object per line (tessera.event/1)");
+  command->add_flag("--json", options->json, "Print JSON, one object per line (tessera.event/1)");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
   });
@@ -88,17 +88,16 @@ void add_events_commands(CLI::App& app, Invocation& invocation) {
   CLI::App* logs =
       add_command(app, invocation, "logs", "Show the events and worker log lines of a job", of_job);
   add_job_argument(*logs, of_job->job);
-  logs->add_flag("--follow", of_job->follow, "Continuous output until the job ends");
+  logs->add_flag("--follow", of_job->follow, "Print new events and lines until the job ends");
   logs->footer(
-      "The server keeps the newest lines of workers in memory, since its last start. Workers send "
-      "lines at or "
-      "above their --log-level; debug includes lines for every unit.\n"
+      "The server keeps the newest log lines of workers in memory, until it stops. Workers send "
+      "lines at or above their --log-level; debug includes lines for every unit.\n"
       "Examples:\n  tessera logs last\n  tessera logs last --follow");
 
   const auto of_farm = std::make_shared<EventsOptions>();
   CLI::App* events = add_command(app, invocation, "events",
                                  "Show events of the farm: jobs, frames, workers", of_farm);
-  events->add_flag("--follow", of_farm->follow, "Continuous output until Ctrl-C");
+  events->add_flag("--follow", of_farm->follow, "Print new events until Ctrl-C");
   events
       ->add_option("--since", of_farm->since,
                    "Only events after this sequence number, as printed by --json")

@@ -53,16 +53,16 @@ void add_extend_command(CLI::App& app, Invocation& invocation) {
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options->job);
   command
-      ->add_option("--spp", options->spp,
-                   "New, higher number of samples per pixel (the maximum, with a target error)")
+      ->add_option(
+          "--spp", options->spp,
+          "New, higher number of samples per pixel; of a job with a target error, the maximum")
       ->check(CLI::Range(1, contract::kMaxSpp));
   command->add_option("--error", options->error, "New, lower target error")
       ->check(cli::finite_range(1e-6, 1.0));
-  command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
+  command->add_flag("--json", options->json, "Print JSON (tessera.job/1)");
   command->footer(
-      "The result equals that of a job submitted with the new settings. Fails once the job is "
-      "done, "
-      "because the results of its units are then deleted.\n"
+      "The result equals that of a job submitted with the new settings. The command fails "
+      "if the job is done, because the results of its units are then deleted.\n"
       "Examples:\n"
       "  tessera extend last --spp 1024\n"
       "  tessera extend last --error 0.02");

@@ -143,10 +143,9 @@ void add_fetch_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--exposure", options->exposure_ev, "Exposure in stops, PNG and JPEG only")
       ->capture_default_str();
   command->add_flag("--partial", options->partial,
-                    "Unfinished frames too, with a list of missing tiles");
-  command->add_flag("--force", options->force,
-                    "Permission to overwrite files that have different content");
-  command->add_flag("--json", options->json, "JSON output (tessera.fetch/1)");
+                    "Also download unfinished frames, and list their missing tiles");
+  command->add_flag("--force", options->force, "Overwrite files that have different content");
+  command->add_flag("--json", options->json, "Print JSON (tessera.fetch/1)");
   command->footer(
       "Several frames become NAME.FFFF.exr; the report is NAME.report.json. Existing files with "
       "the right content are kept. Exit code 2: no frame is available.\nExamples:\n"

@@ -79,7 +79,7 @@ CLI::App* add_command(CLI::App& app, Invocation& invocation, const char* name,
   CLI::App* command = cli::add_command(app, name, description);
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options.job);
-  command->add_flag("--json", options.json, "JSON output");
+  command->add_flag("--json", options.json, "Print JSON");
   return command;
 }
 

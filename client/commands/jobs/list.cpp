@@ -77,7 +77,7 @@ void add_list_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--limit", options->limit, "Maximum number of jobs; 0: unlimited")
       ->capture_default_str()
       ->check(CLI::Range(0, 1'000'000'000));
-  command->add_flag("--json", options->json, "JSON output (tessera.jobs/1)");
+  command->add_flag("--json", options->json, "Print JSON (tessera.jobs/1)");
   command->footer("Examples:\n  tessera list\n  tessera list --limit 0 --json");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };

@@ -188,22 +188,25 @@ void add_report_command(CLI::App& app, Invocation& invocation) {
   CLI::App* command = cli::add_command(app, "report", "Show the results and costs of a job");
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options->job);
-  CLI::Option* json = command->add_flag("--json", options->json, "JSON output (tessera.report/1)");
-  command->add_flag("--csv", options->csv, "CSV output of the error curves, one point per line")
+  CLI::Option* json = command->add_flag("--json", options->json, "Print JSON (tessera.report/1)");
+  command->add_flag("--csv", options->csv, "Print the error curves as CSV, one point per line")
       ->excludes(json);
-  command->add_option("--svg", options->svg, "SVG file of the error curves")->type_name("FILE");
-  command->add_option("--tiles", options->tiles, "SVG file of the error and samples of each tile")
+  command->add_option("--svg", options->svg, "SVG file to write the error curves to")
+      ->type_name("FILE");
+  command
+      ->add_option("--tiles", options->tiles,
+                   "SVG file to write the error and samples of each tile to")
       ->type_name("FILE");
   command
       ->add_option("--trace", options->trace,
-                   "JSON file of the timeline of the job's units, for ui.perfetto.dev and "
+                   "JSON file to write the timeline of the job's units to, for ui.perfetto.dev and "
                    "chrome://tracing")
       ->type_name("FILE");
   command
       ->add_option(
           "--reference", options->reference,
-          "Reference image for the true error; for several frames, frame numbers are inserted "
-          "(REF.0007.exr)")
+          "Reference image for the true error; with several frames, one image for each, named "
+          "REF.0007.exr")
       ->type_name("REF.exr");
   command->footer(
       "With --svg, --tiles or --trace, nothing is printed unless --json or --csv is given.\n"

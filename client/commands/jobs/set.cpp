@@ -76,14 +76,12 @@ void add_options(CLI::App& command, SetOptions& options) {
   command.add_option("--pool", options.pool, "Worker pool that renders the job")->type_name("POOL");
   CLI::Option* limits = command.add_option(
       "--limit", options.limits,
-      "Limit that each leased unit counts against, and by how much (default 1); replaces the job's "
-      "limits; repeatable");
+      "Limit that each leased unit counts against, and by how much (default: 1); replaces the "
+      "job's limits; repeatable");
   limits->type_name("NAME[=UNITS]")->allow_extra_args(false);
-  command.add_flag("--no-limits", options.no_limits, "Removal of the job's limits")
-      ->excludes(limits);
-  command.add_flag("--no-after", options.no_after,
-                   "Removal of the job's dependencies on other jobs");
-  command.add_flag("--json", options.json, "JSON output (tessera.job/1)");
+  command.add_flag("--no-limits", options.no_limits, "Remove the job's limits")->excludes(limits);
+  command.add_flag("--no-after", options.no_after, "Remove the job's dependencies on other jobs");
+  command.add_flag("--json", options.json, "Print JSON (tessera.job/1)");
 }
 
 }  // namespace

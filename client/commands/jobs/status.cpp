@@ -101,7 +101,7 @@ void add_status_command(CLI::App& app, Invocation& invocation) {
   CLI::App* command = cli::add_command(app, "status", "Show the state and progress of a job");
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options->job);
-  command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
+  command->add_flag("--json", options->json, "Print JSON (tessera.job/1)");
   command->footer("Examples:\n  tessera status last\n  tessera status 4f2a --json");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };

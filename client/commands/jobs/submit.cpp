@@ -136,16 +136,16 @@ void add_submit_command(CLI::App& app, Invocation& invocation) {
   command
       ->add_option(
           "--limit", options->limits,
-          "Limit that each leased unit counts against, and by how much (default 1); repeatable")
+          "Limit that each leased unit counts against, and by how much (default: 1); repeatable")
       ->type_name("NAME[=UNITS]")
       ->allow_extra_args(false);
   command
       ->add_option("--project", options->project,
-                   "Project that the CPU time is accounted to (see usage, budgets)")
+                   "Project to which the CPU time is accounted (see usage, budgets)")
       ->type_name("PROJECT");
   add_dependency_options(*command, *options);
   command->add_flag("--wait", options->wait, "Wait for the job and return its exit code");
-  command->add_flag("--json", options->json, "JSON output");
+  command->add_flag("--json", options->json, "Print JSON");
   command->footer(
       "Examples:\n  tessera submit scene.glb --frames 0-99 --spp 256\n"
       "  tessera submit scene.glb --wait --require-tag big-memory\n"

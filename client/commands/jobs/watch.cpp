@@ -30,7 +30,7 @@ void add_watch_command(CLI::App& app, Invocation& invocation) {
   CLI::App* command = cli::add_command(app, "watch", "Follow a job until it ends");
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options->job);
-  command->add_flag("--json", options->json, "JSON output, one object per line (tessera.job/1)");
+  command->add_flag("--json", options->json, "Print JSON, one object per line (tessera.job/1)");
   command->footer(
       "Exit code: 0 done, 1 failed, cancelled or paused by failures, 2 the scene is faulty, 4 done "
       "but the target "

@@ -248,13 +248,15 @@ void add_bench_command(CLI::App& app, Invocation& invocation) {
       ->type_name("DIR");
   command
       ->add_option("--seeds", options->seeds,
-                   "Number of seeds per scene: 1, 2, 3, … except the reference's")
+                   "Number of seeds per scene: 1, 2, 3, …, skipping that of the reference")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  command->add_option("--spp", options->spp, "Sample counts per pixel (default: 8,64,512)")
+  command
+      ->add_option("--spp", options->spp,
+                   "Comma-separated numbers of samples per pixel (default: 8,64,512)")
       ->delimiter(',')
       ->check(CLI::Range(1, 1 << 20));
-  command->add_option("--threads", options->threads, "Number of threads of the worker")
+  command->add_option("--threads", options->threads, "Threads of the worker")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   command
@@ -262,7 +264,7 @@ void add_bench_command(CLI::App& app, Invocation& invocation) {
                    "Environment map of all scenes, the same file as for the references")
       ->type_name("FILE");
   add_accelerator_option(*command, options->accelerator);
-  command->add_flag("--json", options->json, "JSON output (tessera.bench/1)");
+  command->add_flag("--json", options->json, "Print JSON (tessera.bench/1)");
   command->footer(
       "Prints relMSE against the reference and CPU seconds (median and range over seeds), CPU "
       "seconds to relMSE 1e-2, 1e-3 and 1e-4, efficiency 1 / (relMSE x CPU seconds) with its 95 % "

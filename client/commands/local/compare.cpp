@@ -122,19 +122,19 @@ int run(const CompareOptions& options) {
 void add_compare_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<CompareOptions>();
   CLI::App* command =
-      cli::add_command(app, "compare", "Measure the difference of an image from a reference");
+      cli::add_command(app, "compare", "Measure how much an image differs from a reference");
   command->add_option("image", options->image, "Image file: EXR, HDR, PNG, JPEG or WebP")
       ->required();
   command->add_option("reference", options->reference, "Reference image")->required();
   command
       ->add_option(
           "--fail-above", options->limits,
-          "Limit of a metric (rmse, relmse, error, flip, largest), above which the exit code "
+          "Metric (rmse, relmse, error, flip or largest) and the value above which the exit code "
           "is 1; repeatable")
       ->type_name("METRIC=VALUE")
       ->expected(1)
       ->take_all();
-  command->add_flag("--json", options->json, "JSON output (tessera.compare/1)");
+  command->add_flag("--json", options->json, "Print JSON (tessera.compare/1)");
   command->footer(
       "flip is the mean LDR-FLIP at 67 pixels per degree, an estimate of the difference that a "
       "viewer sees on a display. Images with values that are not finite are rejected.\nExample:\n  "

@@ -112,9 +112,10 @@ void add_denoise_command(CLI::App& app, Invocation& invocation) {
       ->required();
   command->add_option("--threads", options->threads, "Threads (default: all cores)")
       ->check(CLI::Range(1, 1024));
-  command->add_flag("--force", options->force, "Permission to overwrite an existing file");
+  command->add_flag("--force", options->force, "Overwrite an existing file");
   command->footer(
-      "The output equals that of --denoise bit for bit, for any number of threads.\nExample:\n"
+      "The output equals that of `render --denoise` bit for bit, for any number of threads.\n"
+      "Example:\n"
       "  tessera render scene.glb --spp 64 --aov denoising -o raw.exr\n"
       "  tessera denoise raw.exr -o out.exr");
   command->callback(

@@ -261,28 +261,30 @@ void add_inspect_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<InspectOptions>();
   CLI::App* command =
       cli::add_command(app, "inspect", "Show the features, size and faults of a scene");
-  command->add_option("scene", options->scene, "glTF file (.gltf or .glb)")->required();
-  command->add_option("--environment", options->environment, "Environment map of the render")
+  command->add_option("scene", options->scene, "glTF scene, .gltf or .glb")->required();
+  command
+      ->add_option("--environment", options->environment, "Environment map to check with the scene")
       ->type_name("FILE");
   command->add_flag("--accelerators", options->accelerators,
-                    "Comparison of all acceleration structures on the scene's rays");
+                    "Compare all acceleration structures on rays of the scene");
   command
       ->add_option("--accelerator", options->accelerator,
-                   "Comparison of the production structure with NAME only")
+                   "Acceleration structure to compare with the production BVH")
       ->check(CLI::IsMember(contract::kStructureNames))
       ->type_name("NAME");
   command
-      ->add_option("--plot", options->plot, "SVG file of the comparison of acceleration structures")
+      ->add_option("--plot", options->plot,
+                   "SVG file to write the comparison of acceleration structures to")
       ->type_name("FILE");
   command->add_flag(
       "--self-intersections", options->self_intersections,
-      "List of intersecting triangles (primitive.triangle), and which meshes are closed");
+      "List intersecting triangles (primitive.triangle), and report which meshes are closed");
   command->add_flag("--validate", options->validate,
-                    "Breaches of the glTF 2.0 specification, with codes and JSON pointers");
+                    "List violations of the glTF 2.0 specification, with codes and JSON pointers");
   command->add_flag(
       "--vertex-distances", options->vertex_distances,
-      "Distances between vertices, and a list of those that nearly coincide (cracks)");
-  command->add_flag("--json", options->json, "JSON output (tessera.inspect/1)");
+      "Measure distances between vertices, and list those that nearly coincide (cracks)");
+  command->add_flag("--json", options->json, "Print JSON (tessera.inspect/1)");
   command->footer(
       "Exit code 2: the scene cannot be rendered or, with --validate, has errors.\nExamples:\n  "
       "tessera inspect scene.glb\n"

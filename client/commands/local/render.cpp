@@ -275,20 +275,20 @@ void add_render_command(CLI::App& app, Invocation& invocation) {
   add_render_options(*command, options->render);
   const char* group = "Output";
   command
-      ->add_option("-o,--output", options->output,
-                   "Output image (.exr, .png or .jpg) or directory (default: name of SCENE, .exr)")
+      ->add_option(
+          "-o,--output", options->output,
+          "Output image (.exr, .png or .jpg) or directory (default: the scene's name with .exr)")
       ->type_name("FILE")
       ->group(group);
   command->add_option("--exposure", options->exposure_ev, "Exposure in stops, PNG and JPEG only")
       ->check(cli::finite_range(-100.0, 100.0))
       ->type_name("EV")
       ->group(group);
-  command->add_option("--report", options->report, "File for the JSON report")
+  command->add_option("--report", options->report, "File to write the JSON report to")
       ->type_name("FILE")
       ->group(group);
-  command->add_flag("--force", options->force, "Permission to overwrite existing files")
-      ->group(group);
-  command->add_flag("--json", options->json, "JSON report on stdout instead of one line")
+  command->add_flag("--force", options->force, "Overwrite existing files")->group(group);
+  command->add_flag("--json", options->json, "Print the JSON report instead of one line")
       ->group(group);
   group = "Local farm";
   command->add_option("--workers", options->workers, "Number of worker processes")
