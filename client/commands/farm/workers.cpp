@@ -98,7 +98,7 @@ constexpr Order kOrders[] = {
     {"ban", "Ban a worker: lease it nothing and reject its results; lasts across server restarts",
      "is banned", &FarmClient::ban_worker},
     {"allow", "Lift a worker's ban or quarantine", "is allowed", &FarmClient::allow_worker},
-    {"bring-back", "Return a worker that was set aside to service", "is back in service",
+    {"bring-back", "Return a set-aside worker to service", "is back in service",
      &FarmClient::bring_back_worker},
 };
 

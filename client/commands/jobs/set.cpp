@@ -94,7 +94,7 @@ void add_set_command(CLI::App& app, Invocation& invocation) {
   add_job_argument(*command, options->job);
   add_options(*command, *options);
   command->footer(
-      "The change also applies to a job that is running; units already leased are rendered.\n"
+      "The change also applies to a job that is running; units already leased are still rendered.\n"
       "Examples:\n"
       "  tessera set last --priority 50\n"
       "  tessera set last --pool night --max-workers 4\n"
