@@ -84,7 +84,7 @@ void add_isa(CLI::App& app, render::Isa& isa) {
       });
 }
 
-void add_worker_options(CLI::App& app, WorkerFlags& flags) {
+void add_server_options(CLI::App& app, WorkerFlags& flags) {
   agent::AgentOptions& options = flags.options;
   app.add_option("--server", options.server, "Server to work for: unix:PATH or HOST:PORT")
       ->envname("TESSERA_SERVER");
@@ -96,6 +96,10 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
                  "File with the server's token; with --certs, a join token (or the token itself in "
                  "TESSERA_TOKEN)")
       ->type_name("FILE");
+}
+
+void add_resource_options(CLI::App& app, WorkerFlags& flags) {
+  agent::AgentOptions& options = flags.options;
   app.add_option("--threads", options.thread_count,
                  "Number of units rendered at once (default: the number of cores)")
       ->check(CLI::Range(1, 1024));
@@ -117,6 +121,12 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
                  "directory (default: a quarter of RAM)")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{100'000'000}));
   add_isa(app, options.isa);
+}
+
+void add_worker_options(CLI::App& app, WorkerFlags& flags) {
+  add_server_options(app, flags);
+  add_resource_options(app, flags);
+  agent::AgentOptions& options = flags.options;
   app.add_option("--id", options.worker_id,
                  "Persistent worker ID; after a restart the server reclaims the previous process's "
                  "units immediately (default: random)");
@@ -170,6 +180,7 @@ void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
   inspect
       .add_option("--accelerator", config.accelerator,
                   "Acceleration structure to compare with the production BVH")
+      ->type_name("NAME")
       ->check(CLI::IsMember(contract::kStructureNames));
   inspect.add_flag("--self-intersections", config.self_intersections,
                    "List intersecting triangles, and report which meshes are closed");

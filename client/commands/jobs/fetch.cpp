@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "cli/command.h"
+#include "cli/finite_range.h"
 #include "client/api/farm_client.h"
 #include "client/commands/jobs/job_commands.h"
 #include "client/output/frame_files.h"
@@ -141,6 +142,8 @@ void add_fetch_command(CLI::App& app, Invocation& invocation) {
       ->capture_default_str()
       ->check(CLI::IsMember({"exr", "png", "jpg"}));
   command->add_option("--exposure", options->exposure_ev, "Exposure in stops, PNG and JPEG only")
+      ->type_name("EV")
+      ->check(cli::finite_range(-100.0, 100.0))
       ->capture_default_str();
   command->add_flag("--partial", options->partial,
                     "Also download unfinished frames, and list their missing tiles");
