@@ -41,10 +41,11 @@ std::string address_text(const sockaddr_storage& address) {
   return absl::StrCat("[", text.data(), "]:", ntohs(ip6.sin6_port));
 }
 
-/// Returns the same of gRPC's text of a peer, such as "ipv6:%5B::1%5D:7420".
+/// Returns the same of gRPC's text of a peer, such as "ipv6:%5Bfe80::1%25eth0%5D:7420"; eth0 is a
+/// zone, which address_text() does not have.
 std::string address_of_peer(const std::string& peer) {
-  std::string text = absl::StrReplaceAll(peer.substr(peer.find(':') + 1),
-                                         {{"%5B", "["}, {"%5D", "]"}, {"%25", "%"}});
+  std::string text =
+      absl::StrReplaceAll(peer.substr(peer.find(':') + 1), {{"%5B", "["}, {"%5D", "]"}});
   const std::size_t zone = text.find('%'), end = text.find(']');
   if (zone < end && end != std::string::npos) text.erase(zone, end - zone);
   return text;

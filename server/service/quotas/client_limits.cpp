@@ -15,6 +15,12 @@ constexpr double kBurstSeconds = 10, kSecondsPerHour = 3600, kGiga = 1e9;
 constexpr char kPausePayload[] = "tessera/pause";
 constexpr std::chrono::milliseconds kPause{500};
 
+/// Marks a refusal as one to be answered after a pause, and repeated by the caller.
+absl::Status with_pause(absl::Status refusal) {
+  refusal.SetPayload(kPausePayload, absl::Cord());
+  return refusal;
+}
+
 }  // namespace
 
 bool can_be_retried(const absl::Status& refusal) {
@@ -76,9 +82,7 @@ absl::StatusOr<std::shared_ptr<const void>> ClientLimits::reserve_call(const std
   const std::lock_guard lock(uses_->mutex);
   Use& use = uses_->by_client[client];
   if (limit > 0 && use.calls_in_progress + 1 > limit) {
-    absl::Status status = refuse(client, &ClientQuota::concurrent_calls, use.calls_in_progress + 1);
-    status.SetPayload(kPausePayload, absl::Cord());
-    return status;
+    return with_pause(refuse(client, &ClientQuota::concurrent_calls, use.calls_in_progress + 1));
   }
   ++use.calls_in_progress;
   return std::shared_ptr<const void>(nullptr, [uses = uses_, client](const void*) {
@@ -104,9 +108,7 @@ absl::Status ClientLimits::count_call(const std::string& client, Time now) {
   const std::lock_guard lock(uses_->mutex);
   Use& use = uses_->by_client[client];
   if (rate == 0 || use.calls.take(1, kBurstSeconds * rate, rate, now)) return absl::OkStatus();
-  absl::Status status = refuse(client, &ClientQuota::calls, (use.calls.level + 1) / kBurstSeconds);
-  status.SetPayload(kPausePayload, absl::Cord());
-  return status;
+  return with_pause(refuse(client, &ClientQuota::calls, (use.calls.level + 1) / kBurstSeconds));
 }
 
 absl::Status ClientLimits::count_upload(const std::string& client, std::int64_t bytes, Time now) {
