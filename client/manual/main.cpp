@@ -29,7 +29,7 @@ void write(const std::filesystem::path& path, const std::string& text) {
   std::exit(1);
 }
 
-/// What `program --help-all` prints. Ends the build with a message if it fails.
+/// Returns the output of `program --help-all`. Ends the build with a message if it fails.
 std::string help_of(const std::string& program) {
   std::FILE* pipe = ::popen(("'" + program + "' --help-all").c_str(), "r");
   std::string text;

@@ -11,7 +11,7 @@ class App;
 
 namespace tessera::bench {
 
-/// What is rendered: a scene of small frames, with many seeds and a reference.
+/// Scene, frame settings, seeds and samples of the reference of a run.
 struct RunOptions {
   std::string scene;
   contract::RenderSettings settings;

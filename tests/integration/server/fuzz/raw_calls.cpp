@@ -144,7 +144,7 @@ std::string ServiceFuzzer::call_raw() {
   const RawAnswer answer = raw_call(person, method, raw_messages(method, person));
   std::string wrong = check_raw(person, method, answer);
   if (!wrong.empty()) return wrong;
-  // What changed is not known, but it can only be what is the caller's.
+  // The call may have changed the caller's jobs in any way, but no others.
   const std::vector<v1::Job> jobs = all_jobs();
   for (const v1::Job& job : jobs) owners_.try_emplace(job.id(), job.owner());
   const bool is_worker = !person.is_client && !person.is_admin;

@@ -17,7 +17,7 @@ namespace tessera::server {
 /// compared with the model of jobs; no answer may contain what another client named.
 class ServiceFuzzer final : public SecureFarm {
  public:
-  /// What happened, to see that a run covers it.
+  /// Numbers of calls by kind and result, which show whether a run covers them.
   struct Counts {
     int jobs = 0, orders = 0, refused = 0, looks = 0, raw = 0, raw_accepted = 0, restarts = 0,
         workers = 0;
