@@ -13,7 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "cli/exit_codes.h"
-#include "rpc/certificate_dates.h"
+#include "rpc/certificates/certificate_dates.h"
 #include "server/config.h"
 #include "server/coordinator/coordinator.h"
 #include "server/identity/join_tokens.h"
@@ -134,6 +134,9 @@ int serve(const Config& config, const sigset_t& signals) {
   std::thread writer([&] {
     while (!(*coordinator)->is_stopping()) (*coordinator)->run_writer(true);
   });
+  std::thread answers([&] {
+    while (!(*coordinator)->is_stopping()) (*coordinator)->run_answers(true);
+  });
   std::thread film([&] {
     while (!(*coordinator)->is_stopping()) (*coordinator)->run_film(true);
   });
@@ -143,9 +146,10 @@ int serve(const Config& config, const sigset_t& signals) {
   (*server)->stop();
   (*coordinator)->stop();
   writer.join();
+  answers.join();
   film.join();
   // Writes pending blocks and changes; unfinished images are written again after the next start.
-  while ((*coordinator)->run_writer(false)) {
+  while ((*coordinator)->run_writer(false) || (*coordinator)->run_answers(false)) {
   }
   return 0;
 }

@@ -14,7 +14,7 @@ CommitPipeline::CommitPipeline(FarmState& farm, Store& store) : farm_(farm), sto
   });
 }
 
-bool CommitPipeline::run(bool wait) {
+bool CommitPipeline::write(bool wait) {
   {
     const MutexLock lock(mutex_);
     while (wait && !stopping_ && !has_work()) wakeup_.wait(mutex_);
@@ -29,6 +29,7 @@ bool CommitPipeline::run(bool wait) {
     if (round.tasks.front().write) {
       write_together(round.tasks, {});
     } else {
+      give_answers();  // the task may rely on them
       round.tasks.front().apart();
       round.tasks.pop_front();
     }
@@ -67,7 +68,11 @@ void CommitPipeline::write_together(std::deque<Task>& tasks, EventLog::Pending e
       group.empty() && !events.has_lost &&
       std::all_of(events.events.begin(), events.events.end(),
                   [](const Event& event) { return event.kind == EventKind::log_line; });
-  if (has_only_lines) return farm_.events().publish(farm_.events().number(events.events));
+  if (has_only_lines) {
+    std::deque<Outcome> outcomes;
+    outcomes.push_back(publishing(farm_.events().number(std::move(events.events))));
+    return post_answers(std::move(outcomes));
+  }
   std::vector<absl::Status> outcomes;
   absl::Status recorded;
   const absl::Status together = store_.write_together([&] {
@@ -77,10 +82,54 @@ void CommitPipeline::write_together(std::deque<Task>& tasks, EventLog::Pending e
     recorded = record(events);
   });
   outcomes.resize(group.size(), together);  // if none was tried
-  finish_recording(together, recorded, std::move(events));
+  std::deque<Outcome> answers;
   for (std::size_t i = 0; i < group.size(); ++i) {
-    group[i].done(outcomes[i].ok() ? together : outcomes[i]);
+    answers.push_back({std::move(group[i].done), outcomes[i].ok() ? together : outcomes[i]});
   }
+  answers.push_back(publishing(finish_recording(together, recorded, std::move(events))));
+  post_answers(std::move(answers));
+}
+
+/// Makes events visible after the answers before it, which change the state that they tell of.
+CommitPipeline::Outcome CommitPipeline::publishing(std::vector<Event> events) {
+  const auto publish = [this, told = std::move(events)](const absl::Status& /*status*/) {
+    if (!told.empty()) farm_.events().publish(told);
+  };
+  return {publish, {}};
+}
+
+/// Hands outcomes to the answering thread. If that still has those of the round before, the writer
+/// helps it, so that at most one round waits for its answers while another is written.
+void CommitPipeline::post_answers(std::deque<Outcome> outcomes) {
+  {
+    const MutexLock lock(mutex_);
+    if (outcomes_.empty()) {
+      outcomes_ = std::move(outcomes);
+      return answer_wakeup_.notify_all();
+    }
+  }
+  give_answers();
+  post_answers(std::move(outcomes));
+}
+
+bool CommitPipeline::answer(bool wait) {
+  {
+    const MutexLock lock(mutex_);
+    while (wait && !stopping_ && outcomes_.empty()) answer_wakeup_.wait(mutex_);
+  }
+  return give_answers();
+}
+
+/// Gives all answers that are due, after those that another thread is giving.
+bool CommitPipeline::give_answers() {
+  const MutexLock in_order(answering_);
+  std::deque<Outcome> outcomes;
+  {
+    const MutexLock lock(mutex_);
+    std::swap(outcomes, outcomes_);
+  }
+  for (const Outcome& outcome : outcomes) outcome.done(outcome.status);
+  return !outcomes.empty();
 }
 
 /// Writes the events, and those of tell(), as a part of the open transaction.
@@ -97,17 +146,20 @@ absl::Status CommitPipeline::record(const EventLog::Pending& events) {
   return status.ok() ? store_.events().add(rows) : status;
 }
 
-/// Makes the events of a transaction with this outcome visible, or keeps them for the next one.
-void CommitPipeline::finish_recording(const absl::Status& together, const absl::Status& recorded,
-                                      EventLog::Pending events) {
+/// Returns the events that a transaction with this outcome has made durable; if it has not, keeps
+/// them for the next one.
+std::vector<Event> CommitPipeline::finish_recording(const absl::Status& together,
+                                                    const absl::Status& recorded,
+                                                    EventLog::Pending events) {
   const absl::Status& status = together.ok() ? recorded : together;
   has_unwritten_events_ = !status.ok();
-  if (status.ok()) return farm_.events().publish(std::exchange(numbered_, {}));
+  if (status.ok()) return std::exchange(numbered_, {});
   // The changes are durable without their events, so these are kept as well.
   if (together.ok()) events.events.insert(events.events.end(), told_.begin(), told_.end());
   farm_.metrics().errors.journal.Increment();
   farm_.log(LogLevel::error, absl::StrCat("events: ", status.ToString()));
   farm_.events().put_back(std::move(events));
+  return {};
 }
 
 absl::Status CommitPipeline::write_and_tell(const std::function<absl::Status()>& write,
@@ -120,7 +172,7 @@ absl::Status CommitPipeline::write_and_tell(const std::function<absl::Status()>&
     if (written.ok()) tell(event);
     recorded = record(events);
   });
-  finish_recording(together, recorded, std::move(events));
+  farm_.events().publish(finish_recording(together, recorded, std::move(events)));
   return together.ok() ? written : together;
 }
 
@@ -128,6 +180,7 @@ void CommitPipeline::stop() {
   const MutexLock lock(mutex_);
   stopping_ = true;
   wakeup_.notify_all();
+  answer_wakeup_.notify_all();
 }
 
 bool CommitPipeline::is_stopping() const {
@@ -208,6 +261,7 @@ CommitPipeline::Task CommitPipeline::row_task(JobKey key, std::optional<JobRecor
     if (!status.ok()) {
       farm_.metrics().errors.journal.Increment();
       farm_.log(LogLevel::error, absl::StrCat("job ", id, ": ", status.ToString()));
+      const MutexLock lock(mutex_);
       unwritten_.insert(key);
     }
     for (const Answer& answer : called) answer(status);

@@ -18,30 +18,36 @@
 
 namespace tessera::server {
 
-/// Writes rows and runs tasks that write, in order, on one thread, with one transaction per round;
-/// answers carry the outcome. No other thread writes to the journal or to segment files.
+/// Writes rows and runs tasks that write, in order, on one thread, with one transaction per round.
+/// No other thread writes to the journal or to segment files. A second thread gives the outcomes
+/// as answers, in the same order, while the first one writes the next round.
 ///
 /// Events are written with the rows of the changes that they report, and become visible when the
 /// transaction is durable.
 class CommitPipeline final : public EffectHandler {
  public:
-  /// Gets the outcome of a write. Called without locks on the writer thread; must not block.
+  /// Gets the outcome of a write. Called without locks, one answer at a time; must not block.
   using Answer = std::function<void(absl::Status)>;
 
   CommitPipeline(FarmState& farm, Store& store);
 
   /// Body of the writer thread: writes what is pending; if `wait`, first waits until there is
   /// something. Returns whether it did anything.
-  bool run(bool wait) ABSL_LOCKS_EXCLUDED(mutex_);
+  bool write(bool wait) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Body of the answering thread: gives the answers of what has been written; if `wait`, first
+  /// waits until there are some. Returns whether it gave any.
+  bool answer(bool wait) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Ends waiting rounds. Further rounds without waiting still write what is queued.
   void stop() ABSL_LOCKS_EXCLUDED(mutex_);
   bool is_stopping() const ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// Runs `write`, which calls writing functions of the store, within the transaction of a round,
   /// then `done` with the outcome: `write`'s own error, else the transaction's. In order with what
-  /// was posted before. If the transaction cannot begin, only `done` runs.
+  /// was posted before; but the answers of one round may come after the writes of the next. If the
+  /// transaction cannot begin, only `done` runs.
   void post_write(std::function<absl::Status()> write, Answer done) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Runs a task on the writer thread between transactions, in order with what was posted before.
+  /// Runs a task on the writer thread between transactions, in order with what was posted before:
+  /// all answers to that have been given, and no others are given meanwhile.
   void post(std::function<void()> task) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Records an event in the transaction of the round. Call within `write` of post_write(), after
   /// the change that the event reports has been written.
@@ -64,6 +70,11 @@ class CommitPipeline final : public EffectHandler {
     Answer done;
     std::function<void()> apart;
   };
+  /// What a write reports, and to whom.
+  struct Outcome {
+    Answer done;
+    absl::Status status;
+  };
   /// The writes of one round of the thread.
   struct Round {
     std::set<JobKey> changed;
@@ -83,22 +94,27 @@ class CommitPipeline final : public EffectHandler {
   Task roster_task(const std::string& worker_id, bool joined);
   void write_together(std::deque<Task>& tasks, EventLog::Pending events);
   absl::Status record(const EventLog::Pending& events);
-  void finish_recording(const absl::Status& together, const absl::Status& recorded,
-                        EventLog::Pending events);
+  std::vector<Event> finish_recording(const absl::Status& together, const absl::Status& recorded,
+                                      EventLog::Pending events);
   absl::Status write_job(const JobRecord& record);
+  Outcome publishing(std::vector<Event> events);
+  void post_answers(std::deque<Outcome> outcomes) ABSL_LOCKS_EXCLUDED(mutex_);
+  bool give_answers() ABSL_LOCKS_EXCLUDED(answering_, mutex_);
 
   FarmState& farm_;
   Store& store_;
   // Writer thread only.
-  std::set<JobKey> unwritten_;   // rows that could not be written
   std::vector<Event> told_;      // with tell(), in the open transaction
   std::vector<Event> numbered_;  // all events of the open transaction
   bool has_unwritten_events_ = false;
 
+  Mutex answering_;      // while answers are given, so that they keep their order; the first lock
   mutable Mutex mutex_;  // taken after the farm's
-  ConditionVariable wakeup_;
+  ConditionVariable wakeup_, answer_wakeup_;
   Round next_ ABSL_GUARDED_BY(mutex_);
-  bool retry_ ABSL_GUARDED_BY(mutex_) = false;  // the unwritten rows
+  std::deque<Outcome> outcomes_ ABSL_GUARDED_BY(mutex_);  // not answered yet
+  std::set<JobKey> unwritten_ ABSL_GUARDED_BY(mutex_);    // rows that could not be written
+  bool retry_ ABSL_GUARDED_BY(mutex_) = false;            // the unwritten rows
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
 };
 

@@ -215,10 +215,10 @@ void BlockIntake::commit_group(Group& group) {
 }
 
 void BlockIntake::check_group(Group& group) {
-  std::set<std::pair<std::string, Unit>> seen;
   std::vector<Delivered> blocks = next_blocks();
   group.is_checked = true;
   FarmChange change(farm_);
+  const MutexLock lock(mutex_);
   for (Delivered& block : blocks) {
     const BlockHeader& header = block.header;
     group.bytes += weight(header);
@@ -228,7 +228,7 @@ void BlockIntake::check_group(Group& group) {
       answer_obsolete(change, block.worker_id, header);
     } else if (answer_duplicate(change, *job, block.worker_id, header)) {
       continue;
-    } else if (!seen.insert({header.lease.job_id, header.unit()}).second) {
+    } else if (!committing_.insert({header.lease.job_id, header.unit()}).second) {
       group.repeats.push_back(std::move(block));
     } else {
       Commit commit;
@@ -255,6 +255,7 @@ void BlockIntake::answer_group(Group& group, const absl::Status& status) {
   farm_.metrics().commit_seconds.Observe(seconds(farm_.now() - group.started));
   budget_.give_back(group.bytes);  // takes again what waits for the film thread
   FarmChange change(farm_);
+  forget_committing(group);
   for (auto& [job_id, of_job] : group.jobs) {
     if (of_job.status.ok()) of_job.status = status;
     if (!of_job.status.ok()) {
@@ -268,14 +269,25 @@ void BlockIntake::answer_group(Group& group, const absl::Status& status) {
       note_committed(change, *job, of_job.commits[i].record, of_job.blocks[i]);
     }
   }
-  for (const Delivered& block : group.repeats) {
-    const auto of_job = group.jobs.find(block.header.lease.job_id);
-    if (of_job != group.jobs.end() && !of_job->second.status.ok()) continue;
-    Job* job = change.find_job(block.header.lease.job_id);
-    if (job == nullptr || !answer_duplicate(change, *job, block.worker_id, block.header)) {
-      answer_obsolete(change, block.worker_id, block.header);
-    }
+  for (const Delivered& block : group.repeats) answer_repeat(change, block);
+}
+
+void BlockIntake::forget_committing(const Group& group) {
+  const MutexLock lock(mutex_);
+  for (const auto& [job_id, of_job] : group.jobs) {
+    for (const Commit& commit : of_job.commits) committing_.erase({job_id, commit.record.unit});
   }
+}
+
+/// Acknowledges a block that came while another one of its unit was being committed.
+void BlockIntake::answer_repeat(FarmChange& change, const Delivered& block) {
+  const BlockHeader& header = block.header;
+  Job* job = change.find_job(header.lease.job_id);
+  if (job != nullptr && answer_duplicate(change, *job, block.worker_id, header)) return;
+  // If the other one could not be written, the worker sends this one again.
+  if (job != nullptr && change.scheduler().results().wants(*job, header.lease, header.unit()))
+    return;
+  answer_obsolete(change, block.worker_id, header);
 }
 
 /// Blocks that could not be committed are not acknowledged, so the workers send them again.

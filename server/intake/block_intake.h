@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -99,7 +100,7 @@ class BlockIntake {
     bool is_checked = false;
     Time started;
     std::map<std::string, JobGroup> jobs;  // by job ID
-    std::vector<Delivered> repeats;        // of units earlier in the same group
+    std::vector<Delivered> repeats;        // of units that are being committed
     std::int64_t bytes = 0;                // memory of the whole group
   };
 
@@ -115,7 +116,9 @@ class BlockIntake {
 
   void post_commit();
   void commit_group(Group& group) ABSL_LOCKS_EXCLUDED(mutex_);
-  void answer_group(Group& group, const absl::Status& status);
+  void answer_group(Group& group, const absl::Status& status) ABSL_LOCKS_EXCLUDED(mutex_);
+  void forget_committing(const Group& group) ABSL_LOCKS_EXCLUDED(mutex_);
+  void answer_repeat(FarmChange& change, const Delivered& block);
   std::vector<Delivered> next_blocks() ABSL_LOCKS_EXCLUDED(mutex_);
   void check_group(Group& group) ABSL_LOCKS_EXCLUDED(mutex_);
   void note_committed(FarmChange& change, Job& job, const UnitRecord& record, Delivered& block);
@@ -132,8 +135,9 @@ class BlockIntake {
   Budgets& budgets_;
   DeliveryLog deliveries_;
 
-  Mutex mutex_;  // never with the farm locked
+  Mutex mutex_;  // taken after the farm's
   std::vector<Delivered> delivered_ ABSL_GUARDED_BY(mutex_);
+  std::set<UnitName> committing_ ABSL_GUARDED_BY(mutex_);  // in a group that is not answered yet
   bool is_commit_posted_ ABSL_GUARDED_BY(mutex_) = false;
 };
 

@@ -82,12 +82,13 @@ void JobAdmission::create_job(JobSpec spec, OnCreated done, std::string visible_
       [this, request] {
         absl::Status status = check_room(*request);
         if (status.ok()) status = add_row(*request);
-        if (status.ok()) written_.push_back(request);
+        if (!status.ok()) return status;
+        const MutexLock lock(mutex_);
+        written_.push_back(request);
         return status;
       },
       [this, request, done = std::move(done)](const absl::Status& status) {
-        std::erase(written_, request);
-        done(answer(*request, status));
+        done(answer(request, status));
       });
 }
 
@@ -102,17 +103,34 @@ absl::StatusOr<std::optional<JobView>> JobAdmission::find_existing(const JobSpec
   return absl::AlreadyExistsError("request_id: used by another client");
 }
 
-/// Errors: AlreadyExists, the request has created a job; FailedPrecondition, an asset is missing;
-/// ResourceExhausted, no room for the job.
-absl::Status JobAdmission::check_room(const Request& request) {
-  const JobSpec& spec = request.spec;
+/// Errors: AlreadyExists, the request has created a job.
+absl::Status JobAdmission::check_new(const JobSpec& spec) {
+  const MutexLock lock(mutex_);
   const bool is_repeated = std::any_of(written_.begin(), written_.end(), [&](const auto& other) {
     return !spec.request_id.empty() && other->spec.request_id == spec.request_id;
   });
   const auto existing = find_existing(spec);
-  if (is_repeated || !existing.ok() || existing->has_value()) {
-    return absl::AlreadyExistsError("request_id");
+  if (!is_repeated && existing.ok() && !existing->has_value()) return absl::OkStatus();
+  return absl::AlreadyExistsError("request_id");
+}
+
+/// Errors: those of check_owners_quota().
+absl::Status JobAdmission::check_owner(const JobSpec& spec) {
+  OwnerUse use;
+  use.kept_bytes = static_cast<double>(assets_.bytes_of(spec.owner));
+  const MutexLock lock(mutex_);
+  for (const auto& other : written_) {
+    if (other->spec.owner == spec.owner) use.add(other->spec);
   }
+  const FarmView view(farm_);
+  return check_owners_quota(view, spec, use);
+}
+
+/// Errors: AlreadyExists, the request has created a job; FailedPrecondition, an asset is missing;
+/// ResourceExhausted, no room for the job.
+absl::Status JobAdmission::check_room(const Request& request) {
+  const JobSpec& spec = request.spec;
+  if (absl::Status repeated = check_new(spec); !repeated.ok()) return repeated;
   if (absl::Status missing = assets_.check_present(spec); !missing.ok()) return missing;
   {
     const FarmView view(farm_);
@@ -126,13 +144,7 @@ absl::Status JobAdmission::check_room(const Request& request) {
                                                      " bytes; ", std::max<std::int64_t>(left, 0),
                                                      " bytes remain of --quota-gb"));
   }
-  OwnerUse use;
-  for (const auto& other : written_) {
-    if (other->spec.owner == spec.owner) use.add(other->spec);
-  }
-  use.kept_bytes = static_cast<double>(assets_.bytes_of(spec.owner));
-  const FarmView view(farm_);
-  return check_owners_quota(view, spec, use);
+  return check_owner(spec);
 }
 
 std::string JobAdmission::new_job_id() {
@@ -164,14 +176,16 @@ absl::Status JobAdmission::add_row(Request& request) {
 }
 
 /// Returns the answer to a request, whose row was written with this outcome.
-absl::StatusOr<JobAdmission::Created> JobAdmission::answer(const Request& request,
+absl::StatusOr<JobAdmission::Created> JobAdmission::answer(const std::shared_ptr<Request>& request,
                                                            const absl::Status& status) {
-  if (status.ok()) return Created{add(request), request.store_bytes};
+  const MutexLock lock(mutex_);  // the writer counts the job once, here or among the farm's
+  std::erase(written_, request);
+  if (status.ok()) return Created{add(*request), request->store_bytes};
   if (!absl::IsAlreadyExists(status)) return status;
-  auto existing = find_existing(request.spec);
+  auto existing = find_existing(request->spec);
   if (!existing.ok()) return existing.status();
   if (!existing->has_value()) return status;
-  return Created{**std::move(existing), request.store_bytes};
+  return Created{**std::move(existing), request->store_bytes};
 }
 
 /// Adds the job of a row that is durable.

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/assets/asset_catalog.h"
@@ -14,6 +15,7 @@
 #include "server/report/job_view.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
@@ -53,9 +55,12 @@ class JobAdmission {
     std::string visible_owner;
   };
   absl::StatusOr<std::optional<JobView>> find_existing(const JobSpec& spec) const;
-  absl::Status check_room(const Request& request);
+  absl::Status check_room(const Request& request) ABSL_LOCKS_EXCLUDED(mutex_);
+  absl::Status check_new(const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
+  absl::Status check_owner(const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
   absl::Status add_row(Request& request);
-  absl::StatusOr<Created> answer(const Request& request, const absl::Status& status);
+  absl::StatusOr<Created> answer(const std::shared_ptr<Request>& request,
+                                 const absl::Status& status) ABSL_LOCKS_EXCLUDED(mutex_);
   JobView add(const Request& request);
   std::string new_job_id();
 
@@ -63,8 +68,10 @@ class JobAdmission {
   Store& store_;
   CommitPipeline& pipeline_;
   AssetCatalog& assets_;
-  std::vector<std::shared_ptr<Request>>
-      written_;  // rows of the open transaction; writer thread only
+
+  Mutex mutex_;  // taken before the farm's
+  // Rows that are written, of jobs that the farm does not have yet.
+  std::vector<std::shared_ptr<Request>> written_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace tessera::server

@@ -25,13 +25,16 @@ std::string cut_text(std::string text, std::size_t max_bytes) {
 }
 
 EventLog::EventLog(std::int64_t boot_count, std::function<std::int64_t()> wall_us)
-    : wall_us_(std::move(wall_us)), last_sequence_(boot_count << kSequenceBits) {}
+    : wall_us_(std::move(wall_us)),
+      last_sequence_(boot_count << kSequenceBits),
+      last_number_(last_sequence_) {}
 
 void EventLog::load(std::vector<Event> events, std::int64_t last_dropped) {
   const std::lock_guard lock(mutex_);
   const bool has_all = events.size() < kMaxEvents;
   complete_after_ = has_all ? last_dropped : events.front().sequence - 1;
   if (!events.empty()) last_sequence_ = std::max(last_sequence_, events.back().sequence);
+  last_number_ = last_sequence_;
   events_.assign(std::make_move_iterator(events.begin()), std::make_move_iterator(events.end()));
 }
 
@@ -79,10 +82,9 @@ void EventLog::put_back(Pending pending) {
                   std::make_move_iterator(pending.events.end()));
 }
 
-std::vector<Event> EventLog::number(std::vector<Event> events) const {
+std::vector<Event> EventLog::number(std::vector<Event> events) {
   const std::lock_guard lock(mutex_);
-  std::int64_t sequence = last_sequence_;
-  for (Event& event : events) event.sequence = ++sequence;
+  for (Event& event : events) event.sequence = ++last_number_;
   return events;
 }
 

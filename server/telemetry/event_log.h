@@ -52,9 +52,10 @@ class EventLog {
   void put_back(Pending pending);
   /// Returns the event with its time.
   Event stamp(Event event) const;
-  /// Numbers events with the next sequences.
-  std::vector<Event> number(std::vector<Event> events) const;
-  /// Makes numbered events visible, which are durable or lines.
+  /// Numbers events with the next sequences. Those of events that are never published are lost.
+  std::vector<Event> number(std::vector<Event> events);
+  /// Makes numbered events visible, which are durable or lines. In the order of their numbers; on
+  /// any thread.
   void publish(std::vector<Event> events);
 
   /// Returns the oldest `limit` events that match, in order: with a job also its lines.
@@ -72,8 +73,9 @@ class EventLog {
 
   const std::function<std::int64_t()> wall_us_;
   std::function<void()> wake_;
-  mutable std::mutex mutex_;  // guards what follows
-  std::int64_t last_sequence_;
+  mutable std::mutex mutex_;    // guards what follows
+  std::int64_t last_sequence_;  // of what is visible
+  std::int64_t last_number_;
   std::int64_t complete_after_ = 0;
   std::deque<Event> pending_;
   bool has_lost_ = false;

@@ -65,6 +65,7 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
     auto stored = coordinator_.queries().stored_events(query_, kEventsPerMessage);
     const std::lock_guard lock(mutex_);
     if (!stored.ok()) return finish(stored.status());
+    std::erase_if(*stored, [end](const Event& event) { return event.sequence > end; });
     const bool is_page = stored->size() == kEventsPerMessage;
     const std::int64_t last = is_page ? stored->back().sequence : end;
     auto events = coordinator_.events().with_lines(*std::move(stored), query_, last);

@@ -50,7 +50,7 @@ class EventCursor : public testing::Test {
     hello.worker_id = hello.name = "w";
     for (int i = 0; i < count; ++i) {
       coordinator_->workers().join(hello, std::make_shared<NoConnection>());
-      while (coordinator_->run_writer(false)) {
+      while (coordinator_->run_writer(false) || coordinator_->run_answers(false)) {
       }
     }
   }

@@ -24,6 +24,9 @@ class RunningCoordinator {
     writer_ = std::thread([this] {
       while (!coordinator_->is_stopping()) coordinator_->run_writer(true);
     });
+    answers_ = std::thread([this] {
+      while (!coordinator_->is_stopping()) coordinator_->run_answers(true);
+    });
     film_ = std::thread([this] {
       while (!coordinator_->is_stopping()) coordinator_->run_film(true);
     });
@@ -36,7 +39,7 @@ class RunningCoordinator {
   }
   ~RunningCoordinator() {
     coordinator_->stop();
-    for (std::thread* thread : {&writer_, &film_, &timer_}) thread->join();
+    for (std::thread* thread : {&writer_, &answers_, &film_, &timer_}) thread->join();
   }
 
   Coordinator& coordinator() { return *coordinator_; }
@@ -60,7 +63,7 @@ class RunningCoordinator {
 
   std::unique_ptr<Store> store_;
   std::unique_ptr<Coordinator> coordinator_;
-  std::thread writer_, film_, timer_;
+  std::thread writer_, answers_, film_, timer_;
 };
 
 }  // namespace tessera::server

@@ -61,9 +61,19 @@ class CoordinatorFixture : public testing::Test {
     coordinator = *std::move(opened);
   }
 
-  /// Runs writer and film thread until nothing is left to do.
+  /// Writes what is pending and answers, in one round.
+  bool write_round() {
+    const bool wrote = coordinator->run_writer(false);
+    return coordinator->run_answers(false) || wrote;
+  }
+  /// Writes and answers until nothing is left to do.
+  void write_all() {
+    while (write_round()) {
+    }
+  }
+  /// Runs writer, answers and film thread until nothing is left to do.
   void pump() {
-    while (coordinator->run_writer(false) || coordinator->run_film(false)) {
+    while (write_round() || coordinator->run_film(false)) {
     }
   }
 

@@ -244,8 +244,7 @@ TEST_F(CoordinatorTest, FullStoreAtFrameEndPausesJob) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   deliver_all(worker);
-  while (coordinator->run_writer(false)) {  // all units are committed, the image is not written
-  }
+  write_all();  // all units are committed, the image is not written
   store.controls().fail_commits_with(absl::ResourceExhaustedError("no space left"));
   store.controls().set_free_bytes(0);  // or it would resume by itself
   pump();

@@ -77,9 +77,12 @@ TEST(EventLog, EventIsVisibleOncePublished) {
   pending = log.take_pending();
   EXPECT_EQ(texts(pending.events), (std::vector<std::string>{"a", "b", "c"}));
   const std::int64_t before = log.newest();
-  EXPECT_EQ(log.number(pending.events).back().sequence, before + 3);
-  EXPECT_EQ(log.newest(), before) << "numbers are used once they are published";
-  log.publish(log.number(pending.events));
+  const std::vector<Event> numbered = log.number(pending.events);
+  EXPECT_EQ(numbered.back().sequence, before + 3);
+  EXPECT_EQ(log.number(pending.events).back().sequence, before + 6) << "no number is given twice";
+  EXPECT_EQ(log.newest(), before) << "none of them is visible";
+  log.publish(numbered);
+  EXPECT_EQ(log.newest(), before + 3);
   EXPECT_EQ(texts(log.read({}, 9)), (std::vector<std::string>{"a", "b", "c"}));
 }
 
@@ -330,7 +333,7 @@ TEST_F(Events, EveryChangeHasOneEventOverAnyCrash) {
     TestWorker worker = join("w");
     coordinator->admission().create_job(remember(spec_of(name)), [](const auto&) {});
     for (int round = 0; round < rounds; ++round) {
-      coordinator->run_writer(false);
+      write_round();
       coordinator->run_film(false);
       deliver_all(worker);
     }

@@ -114,14 +114,14 @@ TEST_F(FailedWriteTest, RoundWritesOneTransaction) {
   const std::string job = create_job("a");
   for (int i = 0; i < 20; ++i) join("w" + std::to_string(i));
   const int before = store.controls().transaction_count();
-  coordinator->run_writer(false);
+  write_round();
   EXPECT_EQ(store.controls().transaction_count(), before + 1) << "20 workers and a job";
   int created = 0;
   for (int i = 0; i < 20; ++i) {
     coordinator->admission().create_job(spec_of("job" + std::to_string(i)),
                                         [&](const auto& view) { created += view.ok() ? 1 : 0; });
   }
-  coordinator->run_writer(false);
+  write_round();
   EXPECT_EQ(created, 20);
   EXPECT_EQ(store.controls().transaction_count(), before + 2);
 }
@@ -136,7 +136,7 @@ TEST_F(FailedWriteTest, QuotaCountsJobsOfSameTransaction) {
     coordinator->admission().create_job(spec_of("job" + std::to_string(i)),
                                         [&](const auto& view) { repeated += view.ok() ? 1 : 0; });
   }
-  coordinator->run_writer(false);
+  write_round();
   EXPECT_EQ(created, 2);
   EXPECT_EQ(repeated, 2) << "the same request is the same job";
   EXPECT_EQ(coordinator->queries().list_jobs(0, 10).size(), 2u);

@@ -56,8 +56,7 @@ TEST_F(RestartTest, RestartWritesCompleteFrame) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   deliver_all(worker);
-  while (coordinator->run_writer(false)) {
-  }
+  write_all();
   start();  // before the film thread has run
   EXPECT_EQ(view(job).state, JobState::running);
   pump();
@@ -70,8 +69,7 @@ TEST_F(RestartTest, DamagedBlockIsRenderedAgain) {
   finish_job(worker, whole);
   const std::string job = create_job("a");
   deliver_all(worker);
-  while (coordinator->run_writer(false)) {
-  }
+  write_all();
   store.units().damage({0, 4, 0});
   start();  // merged tiles are lost, blocks are read again
   pump();

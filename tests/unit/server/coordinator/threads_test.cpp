@@ -10,7 +10,8 @@
 namespace tessera::server {
 namespace {
 
-/// For the tsan preset: workers, clients, writer, film thread and timer run at once, without gRPC.
+/// For the tsan preset: workers, clients, writer, answers, film thread and timer run at once,
+/// without gRPC.
 class CoordinatorThreads : public CoordinatorFixture {
  protected:
   /// Runs a worker that delivers all its leased units until the job is done.
@@ -39,6 +40,9 @@ TEST_F(CoordinatorThreads, ConcurrentUseCommitsEveryUnitOnce) {
   std::thread writer([&] {
     while (!coordinator->is_stopping()) coordinator->run_writer(true);
   });
+  std::thread answers([&] {
+    while (!coordinator->is_stopping()) coordinator->run_answers(true);
+  });
   std::thread film([&] {
     while (!coordinator->is_stopping()) coordinator->run_film(true);
   });
@@ -61,6 +65,7 @@ TEST_F(CoordinatorThreads, ConcurrentUseCommitsEveryUnitOnce) {
   timer.join();
   coordinator->stop();
   writer.join();
+  answers.join();
   film.join();
   EXPECT_EQ(view(job).state, JobState::done);
   const auto report = coordinator->queries().report(job);

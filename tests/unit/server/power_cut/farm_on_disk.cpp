@@ -87,7 +87,8 @@ absl::Status FarmOnDisk::start() {
 }
 
 void FarmOnDisk::pump() {
-  while (coordinator_->run_writer(false) || coordinator_->run_film(false)) {
+  while (coordinator_->run_writer(false) || coordinator_->run_answers(false) ||
+         coordinator_->run_film(false)) {
   }
 }
 

@@ -156,8 +156,9 @@ void SimulatedServer::work_of_server(bool is_calm) {
   const int rounds = is_calm ? 1000 : dice_.below(4);
   for (int i = 0; i < rounds; ++i) {
     const bool wrote = coordinator_->run_writer(false);
+    const bool answered = (is_calm || dice_.one_in(2)) && coordinator_->run_answers(false);
     const bool merged = (is_calm || dice_.one_in(2)) && coordinator_->run_film(false);
-    if (is_calm && !wrote && !merged) return;
+    if (is_calm && !wrote && !answered && !merged) return;
   }
 }
 
