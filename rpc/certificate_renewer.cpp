@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "rpc/certificate_files.h"
+#include "rpc/certificates/certificate_files.h"
 #include "rpc/channel.h"
 #include "rpc/rpc_status.h"
 #include "tessera/v1/certificate_service.grpc.pb.h"

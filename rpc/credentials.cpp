@@ -9,7 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "rpc/certificate_files.h"
+#include "rpc/certificates/certificate_files.h"
 
 namespace tessera::contract {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "rpc/certificate_files.h"
+#include "rpc/certificates/certificate_files.h"
 
 namespace tessera::client {
 namespace {

@@ -9,8 +9,8 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "rpc/certificate_dates.h"
 #include "rpc/certificate_renewer.h"
+#include "rpc/certificates/certificate_dates.h"
 
 namespace tessera::client {
 

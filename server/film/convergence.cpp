@@ -4,7 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "contract/pass_rule.h"
+#include "contract/stopping/pass_rule.h"
 
 namespace tessera::server {
 

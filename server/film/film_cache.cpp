@@ -5,7 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "contract/index.h"
-#include "contract/stopping_rule.h"
+#include "contract/stopping/stopping_rule.h"
 
 namespace tessera::server {
 namespace {

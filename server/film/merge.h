@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "contract/error_estimate.h"
 #include "contract/film_block.h"
 #include "contract/pass_schedule.h"
 #include "contract/render_settings.h"
+#include "contract/stopping/error_estimate.h"
 #include "contract/version.h"
 
 namespace tessera::server {

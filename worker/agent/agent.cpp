@@ -16,8 +16,8 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "rpc/certificate_dates.h"
 #include "rpc/certificate_renewer.h"
+#include "rpc/certificates/certificate_dates.h"
 #include "rpc/protocol_version.h"
 #include "telemetry/metrics/listener.h"
 #include "tessera/v1/asset_service.grpc.pb.h"

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Replays the stopping rule of contract/stopping_rule.h, and changed ones, over stored passes.
+"""Replays the stopping rule of contract/stopping/stopping_rule.h, and changed ones, over stored passes.
 
     replay.py FILE [--error E…] [--max-spp N] [--rare RATIO] [--old]
 

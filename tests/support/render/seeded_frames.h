@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "contract/error_estimate.h"
+#include "contract/stopping/error_estimate.h"
 #include "contract/tile_grid.h"
 #include "server/film/merge.h"
 #include "tests/support/scene/folder_reader.h"

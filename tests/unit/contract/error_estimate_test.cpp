@@ -1,4 +1,4 @@
-#include "contract/error_estimate.h"
+#include "contract/stopping/error_estimate.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "contract/frame_stopping_rule.h"
+#include "contract/stopping/frame_stopping_rule.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "contract/stopping_rule.h"
+#include "contract/stopping/stopping_rule.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <thread>
 
-#include "rpc/certificate_dates.h"
+#include "rpc/certificates/certificate_dates.h"
 #include "server/identity/private_file.h"
 #include "tests/integration/server/support/secure_farm.h"
 

@@ -12,8 +12,8 @@
 #include <string>
 #include <thread>
 
-#include "rpc/certificate_files.h"
 #include "rpc/certificate_renewer.h"
+#include "rpc/certificates/certificate_files.h"
 #include "server/identity/private_file.h"
 #include "server/identity/revocations.h"
 #include "tessera/v1/certificate_service.grpc.pb.h"

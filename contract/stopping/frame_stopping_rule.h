@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "contract/index.h"
-#include "contract/pass_rule.h"
 #include "contract/pass_schedule.h"
+#include "contract/stopping/pass_rule.h"
 
 namespace tessera::contract {
 

@@ -3,7 +3,7 @@
 #include <chrono>
 
 #include "absl/strings/str_cat.h"
-#include "tests/unit/server/schedule/simulated_farm_parts.h"
+#include "tests/unit/server/schedule/simulation/simulated_farm_parts.h"
 
 namespace tessera::server {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "absl/base/config.h"
-#include "tests/unit/server/schedule/simulated_farm.h"
+#include "tests/unit/server/schedule/simulation/simulated_farm.h"
 
 namespace tessera::server {
 namespace {

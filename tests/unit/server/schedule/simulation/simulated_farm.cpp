@@ -1,4 +1,4 @@
-#include "tests/unit/server/schedule/simulated_farm.h"
+#include "tests/unit/server/schedule/simulation/simulated_farm.h"
 
 #include <algorithm>
 #include <chrono>
@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "tests/unit/server/schedule/simulated_farm_parts.h"
+#include "tests/unit/server/schedule/simulation/simulated_farm_parts.h"
 
 namespace tessera::server {
 namespace {

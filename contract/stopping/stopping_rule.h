@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "contract/pass_rule.h"
 #include "contract/pass_schedule.h"
+#include "contract/stopping/pass_rule.h"
 
 namespace tessera::contract {
 

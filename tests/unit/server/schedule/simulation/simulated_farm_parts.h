@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/unit/server/schedule/simulated_farm.h"
+#include "tests/unit/server/schedule/simulation/simulated_farm.h"
 
 namespace tessera::server {
 

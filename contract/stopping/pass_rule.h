@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "contract/error_estimate.h"
+#include "contract/stopping/error_estimate.h"
 
 namespace tessera::contract {
 

@@ -1,4 +1,4 @@
-#include "rpc/certificate_dates.h"
+#include "rpc/certificates/certificate_dates.h"
 
 #include <openssl/bio.h>
 #include <openssl/pem.h>

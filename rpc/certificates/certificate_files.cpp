@@ -1,4 +1,4 @@
-#include "rpc/certificate_files.h"
+#include "rpc/certificates/certificate_files.h"
 
 #include <fcntl.h>
 #include <openssl/bio.h>

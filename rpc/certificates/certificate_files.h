@@ -7,7 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "rpc/certificate_dates.h"
+#include "rpc/certificates/certificate_dates.h"
 
 namespace tessera::contract {
 
