@@ -105,7 +105,8 @@ void SimulatedServer::change(ClientJob& job, JobAdmin::Change what) {
                          is_ok ? "done" : "refused"));
       if (!is_ok) return;
       job.is_uncertain = false;
-      if (what == JobAdmin::Change::pause) job.must_be = JobState::paused;
+      // Units that were leased before the pause may have completed the job before this answer.
+      if (what == JobAdmin::Change::pause && !job.is_done) job.must_be = JobState::paused;
       if (what == JobAdmin::Change::cancel) job.must_be = JobState::cancelled;
     });
   });
