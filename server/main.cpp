@@ -2,6 +2,7 @@
 #include <signal.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <ctime>
@@ -13,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "cli/exit_codes.h"
+#include "image/exr/exr_file.h"
 #include "rpc/certificates/certificate_dates.h"
 #include "server/config.h"
 #include "server/coordinator/coordinator.h"
@@ -30,6 +32,7 @@ namespace {
 constexpr int kExitDamaged = 1;
 constexpr std::int64_t kDayUs = std::int64_t{86'400} * 1'000'000;
 constexpr std::int64_t kForgetJoinsDays = 90;
+constexpr unsigned kMaxFilmThreads = 4;
 
 std::int64_t wall_us() {
   return std::chrono::duration_cast<std::chrono::microseconds>(
@@ -49,6 +52,9 @@ FarmOptions options_of(const Config& config) {
   options.policy.client_priority = config.client_priority;
   options.policy.share.weights = parse_shares(config.client_shares).value();  // checked when parsed
   options.film_memory_bytes = to_bytes(config.film_memory_gb);
+  // At least two, so that blocks are merged while a large image is written.
+  options.film_threads =
+      static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 2u, kMaxFilmThreads));
   options.ingest_bytes = to_bytes(config.ingest_memory_gb);
   options.quota_bytes = to_bytes(config.quota_gb);
   options.asset_quota_bytes = to_bytes(config.asset_quota_gb);
@@ -137,9 +143,13 @@ int serve(const Config& config, const sigset_t& signals) {
   std::thread answers([&] {
     while (!(*coordinator)->is_stopping()) (*coordinator)->run_answers(true);
   });
-  std::thread film([&] {
-    while (!(*coordinator)->is_stopping()) (*coordinator)->run_film(true);
-  });
+  image::set_exr_threads(options.film_threads);
+  std::vector<std::thread> film_threads(static_cast<std::size_t>(options.film_threads));
+  for (std::thread& thread : film_threads) {
+    thread = std::thread([&] {
+      while (!(*coordinator)->is_stopping()) (*coordinator)->run_film(true);
+    });
+  }
   std::printf("%s\n", (*server)->address().c_str());
   std::fflush(stdout);
   tick_until_signal(**coordinator, signals, config.certs, options.log);
@@ -147,7 +157,7 @@ int serve(const Config& config, const sigset_t& signals) {
   (*coordinator)->stop();
   writer.join();
   answers.join();
-  film.join();
+  for (std::thread& thread : film_threads) thread.join();
   // Writes pending blocks and changes; unfinished images are written again after the next start.
   while ((*coordinator)->run_writer(false) || (*coordinator)->run_answers(false)) {
   }

@@ -9,6 +9,7 @@
 #include <OpenEXR/ImfIntAttribute.h>
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfStringAttribute.h>
+#include <OpenEXR/ImfThreading.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -127,8 +128,9 @@ class FileSink final : public Sink {
 
 class ExrWriter::File {
  public:
-  File(std::unique_ptr<Sink> sink, const Imf::Header& header)
-      : sink_(std::move(sink)), output_(std::make_unique<Imf::OutputFile>(*sink_, header, 0)) {}
+  File(std::unique_ptr<Sink> sink, const Imf::Header& header, int threads)
+      : sink_(std::move(sink)),
+        output_(std::make_unique<Imf::OutputFile>(*sink_, header, threads)) {}
 
   void write(const Imf::FrameBuffer& frame_buffer, int rows) {
     output_->setFrameBuffer(frame_buffer);
@@ -176,12 +178,14 @@ absl::Status ExrWriter::start(const std::string& path, const ExrHeader& header,
     for (const auto& [name, real] : header.reals) exr.insert(name, Imf::DoubleAttribute(real));
     window_ = header.data_window;
     std::unique_ptr<Sink> sink;
+    int threads = 0;
     if (path.empty()) {
       sink = std::make_unique<MemorySink>(bytes_);
     } else {
       sink = std::make_unique<FileSink>(path);
+      threads = Imf::globalThreadCount();
     }
-    file_ = std::make_unique<File>(std::move(sink), exr);
+    file_ = std::make_unique<File>(std::move(sink), exr, threads);
     return absl::OkStatus();
   } catch (const std::exception& error) {
     return failure(path, error);
@@ -232,6 +236,10 @@ absl::Status ExrWriter::write_rows(std::int32_t rows, const std::vector<ExrPlane
 absl::Status ExrWriter::close() {
   const int error = file_->finish();
   return error == 0 ? absl::OkStatus() : failure(file_->path(), error);
+}
+
+void set_exr_threads(int count) {
+  Imf::setGlobalThreadCount(count);
 }
 
 class ExrReader::File {

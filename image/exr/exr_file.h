@@ -75,6 +75,10 @@ class ExrWriter {
   std::unique_ptr<File> file_;
 };
 
+/// Has all ExrWriters of files share `count` threads to compress scanlines. The default is none:
+/// each compresses on its own thread. The bytes of files do not depend on it.
+void set_exr_threads(int count);
+
 /// Reads an OpenEXR file of scanlines in bands.
 class ExrReader {
  public:

@@ -23,7 +23,7 @@
 namespace tessera::server {
 
 /// Constructs the parts of a farm over a store, gives access to them, and runs them: the writer
-/// thread, the answering thread, the film thread and the timer. Makes no decisions.
+/// thread, the answering thread, the film threads and the timer. Makes no decisions.
 class Coordinator {
  public:
   /// Loads the jobs of the store. `store` must outlive the coordinator, which is its only writer.
@@ -35,7 +35,9 @@ class Coordinator {
   bool run_writer(bool wait) { return pipeline_.write(wait); }
   /// Body of the answering thread, like run_writer(): reports what the writer has written.
   bool run_answers(bool wait) { return pipeline_.answer(wait); }
-  /// Body of the film thread, like run_writer().
+  /// Body of each film thread, of which there are FarmOptions::film_threads: merges blocks and
+  /// writes images until there is nothing to do; if `wait`, first waits until there is something.
+  /// Without `wait`, does only what was queued before the call.
   bool run_film(bool wait) { return finisher_.tasks().run(wait); }
   /// Runs timeouts, leases and balancing; call about every tick_period.
   void tick();

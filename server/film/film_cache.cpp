@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "contract/index.h"
@@ -9,6 +11,8 @@
 
 namespace tessera::server {
 namespace {
+
+constexpr std::int32_t kFirstFrame = std::numeric_limits<std::int32_t>::min();
 
 template <typename Frame>
 std::int32_t pass_count(const Frame& frame) {
@@ -29,11 +33,8 @@ TrueErrorStats figures_of(const TrueSums& sums, std::int64_t pixels, bool has_sc
 
 }  // namespace
 
-FilmCache::FilmCache(std::int64_t budget_bytes) : budget_bytes_(budget_bytes) {}
-
 void FilmCache::open_frame(const FrameKey& key, const contract::RenderSettings& settings,
                            BlockReader reader, ReferenceReader reference) {
-  const std::lock_guard lock(mutex_);
   contract::TileGrid grid(settings);
   std::vector<contract::Pass> passes = contract::schedule(settings);
   const std::int32_t tile_count = grid.tile_count();
@@ -41,15 +42,12 @@ void FilmCache::open_frame(const FrameKey& key, const contract::RenderSettings& 
   tile.committed.resize(passes.size());
   tile.error.resize(passes.size());
   if (reference) tile.truth.resize(passes.size());
-  Frame frame{std::move(grid),
-              settings.aovs,
-              std::move(passes),
-              std::move(reader),
-              std::move(reference),
-              std::vector<Tile>(contract::as_index(tile_count), tile),
-              tile_count};
-  if (settings.error) add_rule(settings, frame);
-  frames_.emplace(key, std::move(frame));
+  const std::shared_ptr<Frame> frame(new Frame{
+      key, std::move(grid), settings.aovs, std::move(passes), std::move(reader),
+      std::move(reference), std::vector<Tile>(contract::as_index(tile_count), tile), tile_count});
+  if (settings.error) add_rule(settings, *frame);
+  const std::lock_guard lock(mutex_);
+  frames_.emplace(key, frame);
 }
 
 void FilmCache::add_rule(const contract::RenderSettings& settings, Frame& frame) {
@@ -70,13 +68,19 @@ void FilmCache::add_rule(const contract::RenderSettings& settings, Frame& frame)
 }
 
 void FilmCache::close_frame(const FrameKey& key) {
-  const std::lock_guard lock(mutex_);
-  for (auto it = index_.lower_bound({key, 0}); it != index_.end() && it->first.first == key;) {
-    const auto entry = it->second;
-    ++it;
-    drop_entry(entry);
+  std::shared_ptr<Frame> frame;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = frames_.find(key);
+    if (found == frames_.end()) return;
+    frame = std::move(found->second);
+    frames_.erase(found);
   }
-  frames_.erase(key);
+  {
+    const std::lock_guard lock(frame->mutex);
+    frame->is_closed = true;
+  }
+  tiles_.drop(key);
 }
 
 bool FilmCache::is_open(const FrameKey& key) const {
@@ -84,32 +88,58 @@ bool FilmCache::is_open(const FrameKey& key) const {
   return frames_.contains(key);
 }
 
-absl::StatusOr<FilmCache::Frame*> FilmCache::find(const FrameKey& key, std::int32_t tile,
-                                                  std::int32_t pass) {
-  const auto found = frames_.find(key);
-  if (found == frames_.end()) {
-    return absl::NotFoundError(absl::StrCat("film: ", label(key), " is not open"));
+std::vector<FrameKey> FilmCache::open_frames(const std::string& job_id) const {
+  const std::lock_guard lock(mutex_);
+  std::vector<FrameKey> keys;
+  for (auto it = frames_.lower_bound({job_id, kFirstFrame}); it != frames_.end(); ++it) {
+    if (it->first.job_id != job_id) break;
+    keys.push_back(it->first);
   }
-  Frame& frame = found->second;
-  if (tile < 0 || tile >= frame.grid.tile_count()) {
-    return absl::InvalidArgumentError(absl::StrCat("film: ", label(key), " has no tile ", tile));
-  }
-  if (pass < 0 || contract::as_index(pass) >= frame.passes.size()) {
-    return absl::InvalidArgumentError(absl::StrCat("film: ", label(key), " has no pass ", pass));
-  }
-  return &frame;
+  return keys;
 }
 
-FilmCache::Entry& FilmCache::fetch_entry(const FrameKey& key, Frame& frame, std::int32_t tile) {
-  if (const auto found = index_.find({key, tile}); found != index_.end()) {
-    entries_.splice(entries_.begin(), entries_, found->second);
-    return entries_.front();
+FilmCache::LockedFrame FilmCache::find(const FrameKey& key) const {
+  std::shared_ptr<Frame> frame;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = frames_.find(key);
+    if (found == frames_.end()) return {};
+    frame = found->second;
   }
+  std::unique_lock lock(frame->mutex);
+  if (frame->is_closed) return {};
+  return {std::move(frame), std::move(lock)};
+}
+
+absl::StatusOr<FilmCache::LockedFrame> FilmCache::find(const FrameKey& key, std::int32_t tile,
+                                                       std::int32_t pass) const {
+  LockedFrame frame = find(key);
+  if (!frame) return absl::NotFoundError(absl::StrCat("film: ", label(key), " is not open"));
+  if (tile < 0 || tile >= frame->grid.tile_count()) {
+    return absl::InvalidArgumentError(absl::StrCat("film: ", label(key), " has no tile ", tile));
+  }
+  if (pass < 0 || contract::as_index(pass) >= frame->passes.size()) {
+    return absl::InvalidArgumentError(absl::StrCat("film: ", label(key), " has no pass ", pass));
+  }
+  return frame;
+}
+
+/// Takes a tile out of the cache, or returns an empty one.
+TileSum FilmCache::take(const Frame& frame, std::int32_t tile) {
+  if (std::optional<TileSum> sum = tiles_.take(frame.key, tile)) return *std::move(sum);
   const contract::PixelRect rect = frame.grid.rect(tile);
-  entries_.push_front({{key, tile}, TileSum(rect.width, rect.height, frame.aovs)});
-  index_[{key, tile}] = entries_.begin();
-  used_bytes_ += entries_.front().sum.bytes();
-  return entries_.front();
+  return {rect.width, rect.height, frame.aovs};
+}
+
+/// The same, but an empty one if a pass was not measured because m was unknown.
+TileSum FilmCache::take_measured(const Frame& frame, std::int32_t tile) {
+  TileSum sum = take(frame, tile);
+  const auto begin = frame.tiles[contract::as_index(tile)].error.begin();
+  const bool is_measured =
+      !frame.mean_luminance || std::all_of(begin, begin + sum.pass_count(),
+                                           [](const auto& error) { return error.has_value(); });
+  if (is_measured) return sum;
+  return {sum.width(), sum.height(), frame.aovs};
 }
 
 /// Passes that the tile gets, as far as is known.
@@ -117,27 +147,23 @@ std::int32_t FilmCache::pass_target(const Frame& frame, std::int32_t tile) {
   return frame.rule ? frame.rule->pass_count(tile) : pass_count(frame);
 }
 
-/// Adds the committed passes before `end` that the entry does not have. `block`, if not null,
-/// belongs to pass end − 1; the others are read.
-absl::Status FilmCache::advance(Frame& frame, Entry& entry, const contract::FilmBlock* block,
-                                std::int32_t end) {
-  const Tile& tile = frame.tiles[contract::as_index(entry.key.second)];
-  const std::int64_t bytes_before = entry.sum.bytes();
+/// Adds the committed passes before `end` that the sums do not have. `block`, if not null, belongs
+/// to pass end − 1; the others are read.
+absl::Status FilmCache::advance(Frame& frame, std::int32_t tile, TileSum& sum,
+                                const contract::FilmBlock* block, std::int32_t end) {
+  const std::vector<bool>& committed = frame.tiles[contract::as_index(tile)].committed;
   absl::Status status;
-  while (status.ok() && entry.sum.pass_count() < end &&
-         entry.sum.pass_count() < pass_target(frame, entry.key.second) &&
-         tile.committed[contract::as_index(entry.sum.pass_count())]) {
-    const std::int32_t pass = entry.sum.pass_count();
+  while (status.ok() && sum.pass_count() < end && sum.pass_count() < pass_target(frame, tile) &&
+         committed[contract::as_index(sum.pass_count())]) {
+    const std::int32_t pass = sum.pass_count();
     if (block != nullptr && pass == end - 1) {
-      status = entry.sum.add(*block, frame.passes[contract::as_index(pass)]);
+      status = sum.add(*block, frame.passes[contract::as_index(pass)]);
     } else {
-      const absl::StatusOr<contract::FilmBlock> read = frame.reader(entry.key.second, pass);
-      status =
-          read.ok() ? entry.sum.add(*read, frame.passes[contract::as_index(pass)]) : read.status();
+      const absl::StatusOr<contract::FilmBlock> read = frame.reader(tile, pass);
+      status = read.ok() ? sum.add(*read, frame.passes[contract::as_index(pass)]) : read.status();
     }
-    if (status.ok()) record_pass(frame, entry);
+    if (status.ok()) record_pass(frame, tile, sum);
   }
-  used_bytes_ += entry.sum.bytes() - bytes_before;
   return status;
 }
 
@@ -159,48 +185,36 @@ void FilmCache::measure(Frame& frame, std::int32_t tile, const TileSum& sum) {
 }
 
 /// Records what remains of a tile when its sums are evicted.
-void FilmCache::record_pass(Frame& frame, const Entry& entry) {
-  Tile& tile = frame.tiles[contract::as_index(entry.key.second)];
-  const std::int32_t pass = entry.sum.pass_count() - 1;
-  if (pass == 0 && !tile.luminance_sum) {
-    tile.luminance_sum = entry.sum.luminance_sum();
+void FilmCache::record_pass(Frame& frame, std::int32_t index, const TileSum& sum) {
+  Tile& tile = frame.tiles[contract::as_index(index)];
+  if (sum.pass_count() == 1 && !tile.luminance_sum) {
+    tile.luminance_sum = sum.luminance_sum();
     --frame.tiles_without_luminance;
     if (frame.tiles_without_luminance == 0) {
-      double sum = 0;
-      for (const Tile& each : frame.tiles) sum += *each.luminance_sum;
+      double total = 0;
+      for (const Tile& each : frame.tiles) total += *each.luminance_sum;
       const contract::PixelRect& window = frame.grid.window();
-      frame.mean_luminance = sum / (static_cast<double>(window.width) * window.height);
-      measure_cached(entry.key.first, frame);
+      frame.mean_luminance = total / (static_cast<double>(window.width) * window.height);
+      measure_cached(frame);
     }
   }
-  if (frame.mean_luminance) measure(frame, entry.key.second, entry.sum);
+  if (frame.mean_luminance) measure(frame, index, sum);
 }
 
 /// Measures the cached tiles of a frame whose m has just become known.
-void FilmCache::measure_cached(const FrameKey& key, Frame& frame) {
-  for (auto it = index_.lower_bound({key, 0}); it != index_.end() && it->first.first == key; ++it) {
-    const TileSum& sum = it->second->sum;
-    if (sum.pass_count() > 0) measure(frame, it->first.second, sum);
+void FilmCache::measure_cached(Frame& frame) {
+  for (std::int32_t tile = 0; tile < frame.grid.tile_count(); ++tile) {
+    std::optional<TileSum> sum = tiles_.take(frame.key, tile);
+    if (!sum) continue;
+    if (sum->pass_count() > 0) measure(frame, tile, *sum);
+    tiles_.put(frame.key, tile, *std::move(sum));
   }
   frame.has_unread_blocks = true;  // tiles may have been evicted before being measured
 }
 
-void FilmCache::drop_entry(Entries::iterator entry) {
-  used_bytes_ -= entry->sum.bytes();
-  index_.erase(entry->key);
-  entries_.erase(entry);
-}
-
-void FilmCache::evict(const Entry* keep) {
-  while (used_bytes_ > budget_bytes_ && !entries_.empty() && &entries_.back() != keep) {
-    drop_entry(std::prev(entries_.end()));
-  }
-}
-
 absl::Status FilmCache::add(const FrameKey& key, std::int32_t tile, std::int32_t pass,
                             const contract::FilmBlock& block) {
-  const std::lock_guard lock(mutex_);
-  const absl::StatusOr<Frame*> found = find(key, tile, pass);
+  const absl::StatusOr<LockedFrame> found = find(key, tile, pass);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
   const contract::PixelRect rect = frame.grid.rect(tile);
@@ -214,51 +228,50 @@ absl::Status FilmCache::add(const FrameKey& key, std::int32_t tile, std::int32_t
   if (std::find(committed.begin(), committed.begin() + pass, false) != committed.begin() + pass) {
     return absl::OkStatus();
   }
-  Entry& entry = fetch_entry(key, frame, tile);
-  absl::Status status = advance(frame, entry, &block, pass + 1);
-  if (status.ok()) status = advance(frame, entry, nullptr, pass_count(frame));
-  if (entry.sum.pass_count() <= pass) frame.has_unread_blocks = true;
-  evict(&entry);
+  TileSum sum = take(frame, tile);
+  absl::Status status = advance(frame, tile, sum, &block, pass + 1);
+  if (status.ok()) status = advance(frame, tile, sum, nullptr, pass_count(frame));
+  if (sum.pass_count() <= pass) frame.has_unread_blocks = true;
+  tiles_.put(key, tile, std::move(sum));
   return status;
 }
 
 absl::Status FilmCache::record_committed(const FrameKey& key, std::int32_t tile,
                                          std::int32_t pass) {
-  const std::lock_guard lock(mutex_);
-  const absl::StatusOr<Frame*> found = find(key, tile, pass);
+  const absl::StatusOr<LockedFrame> found = find(key, tile, pass);
   if (!found.ok()) return found.status();
-  (*found)->tiles[contract::as_index(tile)].committed[contract::as_index(pass)] = true;
-  (*found)->has_unread_blocks = true;
+  Frame& frame = **found;
+  frame.tiles[contract::as_index(tile)].committed[contract::as_index(pass)] = true;
+  frame.has_unread_blocks = true;
   return absl::OkStatus();
 }
 
 absl::StatusOr<double> FilmCache::mean_luminance(const FrameKey& key) {
-  const std::lock_guard lock(mutex_);
-  const absl::StatusOr<Frame*> found = find(key, 0, 0);
+  const absl::StatusOr<LockedFrame> found = find(key, 0, 0);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
-  if (absl::Status status = read_luminance(key, frame); !status.ok()) return status;
+  if (absl::Status status = read_luminance(frame); !status.ok()) return status;
   return *frame.mean_luminance;
 }
 
-absl::Status FilmCache::read_luminance(const FrameKey& key, Frame& frame) {
+absl::Status FilmCache::read_luminance(Frame& frame) {
   for (std::int32_t tile = 0; !frame.mean_luminance; ++tile) {
     const Tile& state = frame.tiles[contract::as_index(tile)];
     if (state.luminance_sum) continue;
     if (!state.committed[0]) {
       return absl::FailedPreconditionError(
-          absl::StrCat("film: ", label(key), ": pass 0 of tile ", tile, " is missing"));
+          absl::StrCat("film: ", label(frame.key), ": pass 0 of tile ", tile, " is missing"));
     }
-    Entry& entry = fetch_entry(key, frame, tile);
-    absl::Status status = advance(frame, entry, nullptr, 1);
-    evict(&entry);
+    TileSum sum = take(frame, tile);
+    absl::Status status = advance(frame, tile, sum, nullptr, 1);
+    tiles_.put(frame.key, tile, std::move(sum));
     if (!status.ok()) return status;
   }
   return absl::OkStatus();
 }
 
 /// Reads back committed blocks that the rule has not received: after a restart, or if m came late.
-absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
+absl::Status FilmCache::catch_up(Frame& frame) {
   bool has_read = true;
   while (has_read) {  // a new target may cover passes that are already committed
     has_read = frame.has_unread_blocks = false;
@@ -268,10 +281,9 @@ absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
       const auto first = std::find(state.error.begin(), state.error.end(), std::nullopt);
       const auto unmeasured = static_cast<std::size_t>(first - state.error.begin());
       if (unmeasured < next && state.committed[unmeasured]) {
-        if (!is_measured(frame, key, tile)) drop_entry(index_.at({key, tile}));
-        Entry& entry = fetch_entry(key, frame, tile);
-        absl::Status status = advance(frame, entry, nullptr, pass_count(frame));
-        evict(&entry);
+        TileSum sum = take_measured(frame, tile);
+        absl::Status status = advance(frame, tile, sum, nullptr, pass_count(frame));
+        tiles_.put(frame.key, tile, std::move(sum));
         if (!status.ok()) return status;
         has_read = true;
       } else if (next < state.committed.size() && state.committed[next]) {
@@ -284,50 +296,29 @@ absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
 
 absl::StatusOr<std::vector<contract::PassRule::PassTarget>> FilmCache::take_pass_targets(
     const FrameKey& key) {
-  const std::lock_guard lock(mutex_);
-  const absl::StatusOr<Frame*> found = find(key, 0, 0);
+  const absl::StatusOr<LockedFrame> found = find(key, 0, 0);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
   if (!frame.rule) return std::vector<contract::PassRule::PassTarget>();
   if (!frame.mean_luminance) {
-    const absl::Status status = read_luminance(key, frame);
+    const absl::Status status = read_luminance(frame);
     if (absl::IsFailedPrecondition(status)) return std::vector<contract::PassRule::PassTarget>();
     if (!status.ok()) return status;
   }
   if (frame.has_unread_blocks) {
-    if (absl::Status status = catch_up(key, frame); !status.ok()) return status;
+    if (absl::Status status = catch_up(frame); !status.ok()) return status;
   }
   return frame.rule->take_changes();
 }
 
-/// Returns false if the tile is cached and a pass was not measured because m was unknown.
-bool FilmCache::is_measured(const Frame& frame, const FrameKey& key, std::int32_t tile) const {
-  const auto found = index_.find({key, tile});
-  if (found == index_.end() || !frame.mean_luminance) return true;
-  const auto begin = frame.tiles[contract::as_index(tile)].error.begin();
-  return std::all_of(begin, begin + found->second->sum.pass_count(),
-                     [](const auto& error) { return error.has_value(); });
-}
-
 absl::StatusOr<TileSum> FilmCache::rebuild(const FrameKey& key, std::int32_t tile, bool keep) {
-  const std::lock_guard lock(mutex_);
-  const absl::StatusOr<Frame*> found = find(key, tile, 0);
+  const absl::StatusOr<LockedFrame> found = find(key, tile, 0);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
-  if (!is_measured(frame, key, tile)) drop_entry(index_.at({key, tile}));
-  Entry& entry = fetch_entry(key, frame, tile);
-  absl::Status status = advance(frame, entry, nullptr, pass_count(frame));
+  TileSum sum = take_measured(frame, tile);
+  absl::Status status = advance(frame, tile, sum, nullptr, pass_count(frame));
+  if (keep) tiles_.put(key, tile, sum);
   if (!status.ok()) return status;
-  if (keep) {
-    TileSum copy = entry.sum;
-    evict(&entry);
-    return copy;
-  }
-  used_bytes_ -= entry.sum.bytes();
-  TileSum sum = std::move(entry.sum);
-  const auto position = index_.find({key, tile});
-  entries_.erase(position->second);
-  index_.erase(position);
   return sum;
 }
 
@@ -340,17 +331,13 @@ absl::StatusOr<TileSum> FilmCache::take_tile(const FrameKey& key, std::int32_t t
 }
 
 ErrorEstimate FilmCache::running_estimate(const FrameKey& key) const {
-  const std::lock_guard lock(mutex_);
-  const auto found = frames_.find(key);
-  if (found == frames_.end()) return {};
-  return stats_after(found->second, pass_count(found->second) - 1).estimate;
+  const LockedFrame frame = find(key);
+  return frame ? stats_after(*frame, pass_count(*frame) - 1).estimate : ErrorEstimate();
 }
 
 FilmCache::PassStats FilmCache::after_pass(const FrameKey& key, std::int32_t pass) const {
-  const std::lock_guard lock(mutex_);
-  const auto found = frames_.find(key);
-  if (found == frames_.end() || pass < 0 || pass >= pass_count(found->second)) return {};
-  return stats_after(found->second, pass);
+  const LockedFrame frame = find(key);
+  return frame && pass >= 0 && pass < pass_count(*frame) ? stats_after(*frame, pass) : PassStats();
 }
 
 FilmCache::PassStats FilmCache::stats_after(const Frame& frame, std::int32_t pass) {
@@ -377,54 +364,40 @@ FilmCache::PassStats FilmCache::stats_after(const Frame& frame, std::int32_t pas
 }
 
 bool FilmCache::is_look_due(const FrameKey& key) const {
-  const std::lock_guard lock(mutex_);
-  const auto found = frames_.find(key);
-  return found != frames_.end() && found->second.frame_rule != nullptr &&
-         found->second.frame_rule->due_look().has_value();
+  const LockedFrame frame = find(key);
+  return frame && frame->frame_rule != nullptr && frame->frame_rule->due_look().has_value();
 }
 
 void FilmCache::end_look(const FrameKey& key,
                          const contract::FrameStoppingRule::LookResult& result) {
-  const std::lock_guard lock(mutex_);
-  const auto found = frames_.find(key);
-  if (found == frames_.end() || found->second.frame_rule == nullptr) return;
-  found->second.frame_rule->end_look(result);
+  const LockedFrame frame = find(key);
+  if (frame && frame->frame_rule != nullptr) frame->frame_rule->end_look(result);
 }
 
 StoppingStats FilmCache::stopping(const FrameKey& key) const {
-  const std::lock_guard lock(mutex_);
-  const auto found = frames_.find(key);
-  if (found == frames_.end() || !found->second.rule) return {};
-  const contract::PassRule& rule = *found->second.rule;
+  const LockedFrame frame = find(key);
+  if (!frame || !frame->rule) return {};
+  const contract::PassRule& rule = *frame->rule;
   return {rule.looks(), rule.capped_tile_count(), rule.is_futile()};
 }
 
 std::int32_t FilmCache::max_samples(const FrameKey& key) const {
-  const std::lock_guard lock(mutex_);
-  const auto found = frames_.find(key);
-  if (found == frames_.end()) return 0;
-  const Frame& frame = found->second;
+  const LockedFrame frame = find(key);
   std::int32_t samples = 0;
-  for (std::size_t tile = 0; tile < frame.tiles.size(); ++tile) {
-    const std::vector<bool>& committed = frame.tiles[tile].committed;
-    const std::int32_t wanted = pass_target(frame, static_cast<std::int32_t>(tile));
+  for (std::size_t tile = 0; frame && tile < frame->tiles.size(); ++tile) {
+    const std::vector<bool>& committed = frame->tiles[tile].committed;
+    const std::int32_t wanted = pass_target(*frame, static_cast<std::int32_t>(tile));
     for (std::int32_t pass = 0; pass < wanted && committed[contract::as_index(pass)]; ++pass) {
-      samples = std::max(samples, frame.passes[contract::as_index(pass)].end());
+      samples = std::max(samples, frame->passes[contract::as_index(pass)].end());
     }
   }
   return samples;
 }
 
 std::optional<std::int64_t> FilmCache::expected_samples(const FrameKey& key) const {
-  const std::lock_guard lock(mutex_);
-  const auto found = frames_.find(key);
-  if (found == frames_.end() || !found->second.rule) return std::nullopt;
-  return found->second.rule->expected_samples();
-}
-
-std::int64_t FilmCache::used_bytes() const {
-  const std::lock_guard lock(mutex_);
-  return used_bytes_;
+  const LockedFrame frame = find(key);
+  if (!frame || !frame->rule) return std::nullopt;
+  return frame->rule->expected_samples();
 }
 
 }  // namespace tessera::server

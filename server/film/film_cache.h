@@ -2,13 +2,10 @@
 
 #include <cstdint>
 #include <functional>
-#include <list>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <string>
-#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -19,16 +16,11 @@
 #include "contract/stopping/pass_rule.h"
 #include "contract/tile_grid.h"
 #include "server/film/convergence.h"
+#include "server/film/frame_key.h"
 #include "server/film/merge.h"
+#include "server/film/tile_cache.h"
 
 namespace tessera::server {
-
-/// One frame of one job.
-struct FrameKey {
-  std::string job_id;
-  std::int32_t frame = 0;
-  auto operator<=>(const FrameKey&) const = default;
-};
 
 /// Reads a committed block: (tile, pass) of the frame that it was created for.
 using BlockReader =
@@ -43,12 +35,13 @@ using ReferenceReader =
 /// rebuilt with the frame's BlockReader. In addition each tile keeps the error sums of its passes,
 /// 48 bytes each.
 ///
-/// Thread-safe: one lock of its own around every call. A call may read blocks under it, so do not
-/// call with the coordinator's lock held; a BlockReader must not call back into the cache.
+/// Thread-safe: each frame has a lock, so calls about different frames run at the same time. A call
+/// may read blocks under it, so call only open_frames() and used_bytes() with the coordinator's
+/// lock held; a BlockReader must not call back into the cache.
 class FilmCache {
  public:
   /// `budget_bytes` is --film-memory-gb. At least one tile is kept whatever the budget.
-  explicit FilmCache(std::int64_t budget_bytes);
+  explicit FilmCache(std::int64_t budget_bytes) : tiles_(budget_bytes) {}
 
   /// Opens a frame, which must not be open. With a `reference` the true error is computed too, as
   /// long as the reference can be read.
@@ -57,6 +50,8 @@ class FilmCache {
   /// Drops a frame (finished or cancelled). Harmless if it is not open.
   void close_frame(const FrameKey& key);
   bool is_open(const FrameKey& key) const;
+  /// Returns the open frames of a job.
+  std::vector<FrameKey> open_frames(const std::string& job_id) const;
 
   /// Adds a committed block in any order; duplicates are ignored. A block ahead of its predecessors
   /// is recorded and read back later.
@@ -114,8 +109,8 @@ class FilmCache {
   };
   PassStats after_pass(const FrameKey& key, std::int32_t pass) const;
 
-  /// Memory of the cached sums.
-  std::int64_t used_bytes() const;
+  /// Memory of the cached sums, without those that calls are using.
+  std::int64_t used_bytes() const { return tiles_.used_bytes(); }
 
  private:
   struct Tile {
@@ -125,6 +120,7 @@ class FilmCache {
     std::vector<std::optional<TrueSums>> truth;   // the same, with a reference
   };
   struct Frame {
+    FrameKey key;
     contract::TileGrid grid;
     std::uint32_t aovs;
     std::vector<contract::Pass> passes;
@@ -136,37 +132,37 @@ class FilmCache {
     std::unique_ptr<contract::PassRule> rule = {};      // with a target error
     contract::FrameStoppingRule* frame_rule = nullptr;  // `rule`, if the frame is denoised
     bool has_unread_blocks = false;  // committed blocks that the rule has not received
+    bool is_closed = false;
+    std::mutex mutex = {};
   };
-  using TileKey = std::pair<FrameKey, std::int32_t>;
-  struct Entry {
-    TileKey key;
-    TileSum sum;
+  /// A locked frame; empty if it is not open.
+  struct LockedFrame {
+    std::shared_ptr<Frame> frame;  // owners: the cache and calls
+    std::unique_lock<std::mutex> lock;
+    explicit operator bool() const { return frame != nullptr; }
+    Frame& operator*() const { return *frame; }
+    Frame* operator->() const { return frame.get(); }
   };
-  using Entries = std::list<Entry>;  // most recently used first
 
   static void add_rule(const contract::RenderSettings& settings, Frame& frame);
-  absl::StatusOr<Frame*> find(const FrameKey& key, std::int32_t tile, std::int32_t pass);
-  Entry& fetch_entry(const FrameKey& key, Frame& frame, std::int32_t tile);
-  absl::Status advance(Frame& frame, Entry& entry, const contract::FilmBlock* block,
-                       std::int32_t end);
-  bool is_measured(const Frame& frame, const FrameKey& key, std::int32_t tile) const;
-  absl::Status read_luminance(const FrameKey& key, Frame& frame);
-  absl::Status catch_up(const FrameKey& key, Frame& frame);
+  LockedFrame find(const FrameKey& key) const;
+  absl::StatusOr<LockedFrame> find(const FrameKey& key, std::int32_t tile, std::int32_t pass) const;
+  TileSum take(const Frame& frame, std::int32_t tile);
+  TileSum take_measured(const Frame& frame, std::int32_t tile);
+  absl::Status advance(Frame& frame, std::int32_t tile, TileSum& sum,
+                       const contract::FilmBlock* block, std::int32_t end);
+  absl::Status read_luminance(Frame& frame);
+  absl::Status catch_up(Frame& frame);
   static PassStats stats_after(const Frame& frame, std::int32_t pass);
   static std::int32_t pass_target(const Frame& frame, std::int32_t tile);
   static void measure(Frame& frame, std::int32_t tile, const TileSum& sum);
-  void record_pass(Frame& frame, const Entry& entry);
-  void measure_cached(const FrameKey& key, Frame& frame);
+  void record_pass(Frame& frame, std::int32_t tile, const TileSum& sum);
+  void measure_cached(Frame& frame);
   absl::StatusOr<TileSum> rebuild(const FrameKey& key, std::int32_t tile, bool keep);
-  void drop_entry(Entries::iterator entry);
-  void evict(const Entry* keep);
 
-  mutable std::mutex mutex_;
-  const std::int64_t budget_bytes_;
-  std::int64_t used_bytes_ = 0;
-  std::map<FrameKey, Frame> frames_;
-  Entries entries_;
-  std::map<TileKey, Entries::iterator> index_;
+  TileCache tiles_;
+  mutable std::mutex mutex_;  // of frames_; a frame's lock is taken without it
+  std::map<FrameKey, std::shared_ptr<Frame>> frames_;
 };
 
 }  // namespace tessera::server

@@ -430,6 +430,15 @@ std::int64_t raw_frame_bytes(const RenderSettings& settings) {
   return std::int64_t{window.width} * window.height * pixel_bytes;
 }
 
+std::int64_t write_memory_bytes(const RenderSettings& settings) {
+  constexpr std::int64_t kDenoiserRows = 250;  // FrameDenoiser
+  const PixelRect window = settings.window();
+  const std::int64_t rows =
+      std::min(settings.tile, window.height) + (settings.denoise ? kDenoiserRows : 0);
+  const std::size_t plane_count = Band(settings, 0).planes().size();
+  return rows * window.width * static_cast<std::int64_t>(plane_count * sizeof(float));
+}
+
 absl::StatusOr<FrameStatistics> measure_denoised(const FrameSpec& spec,
                                                  const TileReader& read_tile) {
   const contract::TileGrid grid(spec.settings);

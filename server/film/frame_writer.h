@@ -95,6 +95,9 @@ absl::StatusOr<FrameResult> encode_frame(const FrameSpec& spec, const TileReader
 /// Returns the size of the frame's pixels in a file without compression.
 std::int64_t raw_frame_bytes(const contract::RenderSettings& settings);
 
+/// Returns about how much memory write_frame() takes.
+std::int64_t write_memory_bytes(const contract::RenderSettings& settings);
+
 /// Denoises a frame and returns the statistics that write_frame() would, except for digests and
 /// what concerns the file. Requires settings.denoise. Errors: as write_frame(), except for files.
 absl::StatusOr<FrameStatistics> measure_denoised(const FrameSpec& spec,

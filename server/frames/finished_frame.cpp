@@ -60,7 +60,7 @@ absl::Status write_file(const std::string& path, const std::string& bytes) {
 /// Writes the image: a small one to FrameResult::image, another to the file `name`.
 absl::StatusOr<FrameResult> draw(FilmCache& film, Store& store, const FrameKey& key,
                                  const FrameSpec& frame, const std::string& name) {
-  const TileReader read_tile = [&](std::int32_t tile) { return film.tile(key, tile); };
+  const TileReader read_tile = [&](std::int32_t tile) { return film.take_tile(key, tile); };
   const auto new_path = [&]() -> absl::StatusOr<std::string> {
     const auto folder = store.frames().output_folder(key.job_id);
     if (!folder.ok()) return folder.status();
@@ -80,6 +80,10 @@ absl::StatusOr<FrameResult> draw(FilmCache& film, Store& store, const FrameKey& 
 }
 
 }  // namespace
+
+std::int64_t writing_bytes(const contract::RenderSettings& settings) {
+  return raw_frame_bytes(settings) > kMaxRawBytes ? write_memory_bytes(settings) : 0;
+}
 
 absl::StatusOr<FinishedFrame> write_finished_frame(
     FilmCache& film, Store& store, const FrameKey& key, const JobSpec& spec,

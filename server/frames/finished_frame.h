@@ -1,9 +1,11 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "contract/render_settings.h"
 #include "server/film/film_cache.h"
 #include "server/film/frame_summary.h"
 #include "server/schedule/plan/job_spec.h"
@@ -18,6 +20,9 @@ struct FinishedFrame {
   FrameSummary summary;
   std::string image;  // a small image, for a row; empty: it is a file
 };
+
+/// Returns the memory of a task that writes or denoises a frame; 0 if that is little.
+std::int64_t writing_bytes(const contract::RenderSettings& settings);
 
 /// Writes the image of a complete frame: to memory if it is small, else to the job's output folder.
 /// `progress`: of the frame's passes. Reads blocks as needed.

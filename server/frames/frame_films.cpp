@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -36,7 +37,10 @@ absl::StatusOr<contract::FilmBlock> FrameFilms::read_block(const std::string& jo
   if (!record) return absl::NotFoundError("block not committed");
   farm_.metrics().film_blocks.read_back.Increment();
   const auto bytes = store_.units().read_block(job_id, *record);
-  if (absl::IsDataLoss(bytes.status())) damaged_.push_back(unit);
+  if (absl::IsDataLoss(bytes.status())) {
+    const MutexLock lock(mutex_);
+    damaged_[{job_id, unit.frame}].push_back(unit);
+  }
   if (!bytes.ok()) return bytes.status();
   return contract::decode(*bytes, shape, sample_count);
 }
@@ -91,6 +95,20 @@ bool FrameFilms::open(const FrameKey& key) {
     }
   }
   return true;
+}
+
+void FrameFilms::close(const FrameKey& key) {
+  cache_.close_frame(key);
+  take_damaged(key);
+}
+
+std::vector<Unit> FrameFilms::take_damaged(const FrameKey& key) {
+  const MutexLock lock(mutex_);
+  const auto found = damaged_.find(key);
+  if (found == damaged_.end()) return {};
+  std::vector<Unit> units = std::move(found->second);
+  damaged_.erase(found);
+  return units;
 }
 
 }  // namespace tessera::server

@@ -1,35 +1,39 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
+#include <map>
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
+#include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
 #include "contract/film_block.h"
 #include "contract/unit.h"
 #include "server/film/film_cache.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
-/// Opens the film of frames over their committed blocks, which it reads back from the store. On the
-/// film thread, except for cache().
+/// Opens the film of frames over their committed blocks, which it reads back from the store. Calls
+/// about one frame are made by one thread at a time.
 class FrameFilms {
  public:
   FrameFilms(FarmState& farm, const Store& store)
       : farm_(farm), store_(store), cache_(farm.options().film_memory_bytes) {}
 
-  /// The film of all open frames; has a lock of its own, never taken while the farm is locked.
+  /// The film of all open frames.
   FilmCache& cache() { return cache_; }
   const FilmCache& cache() const { return cache_; }
 
   /// Opens a frame unless it is open or its job is gone. Returns whether it opened it.
   bool open(const FrameKey& key);
-  /// Returns the units whose blocks could not be read since the last call: they are damaged.
-  std::vector<contract::Unit> take_damaged() { return std::exchange(damaged_, {}); }
+  /// Drops the film of a frame.
+  void close(const FrameKey& key);
+  /// Returns the frame's units whose blocks could not be read since the last call: they are
+  /// damaged.
+  std::vector<contract::Unit> take_damaged(const FrameKey& key);
 
  private:
   absl::StatusOr<contract::FilmBlock> read_block(const std::string& job_id,
@@ -39,7 +43,8 @@ class FrameFilms {
   FarmState& farm_;
   const Store& store_;
   FilmCache cache_;
-  std::vector<contract::Unit> damaged_;
+  Mutex mutex_;
+  std::map<FrameKey, std::vector<contract::Unit>> damaged_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace tessera::server

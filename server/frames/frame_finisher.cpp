@@ -1,6 +1,8 @@
 #include "server/frames/frame_finisher.h"
 
+#include <algorithm>
 #include <chrono>
+#include <limits>
 
 #include "absl/strings/str_cat.h"
 
@@ -19,8 +21,19 @@ bool is_ready(FarmChange& change, const Job& job, std::int32_t frame) {
 
 }  // namespace
 
+FrameFinisher::FrameFinisher(FarmState& farm, Store& store, CommitPipeline& pipeline,
+                             Budgets& budgets)
+    : farm_(farm),
+      store_(store),
+      pipeline_(pipeline),
+      budgets_(budgets),
+      films_(farm, store),
+      // One thread is left for small tasks.
+      tasks_({std::max(1, farm.options().film_threads - 1), farm.options().image_memory_bytes}) {}
+
 void FrameFinisher::merge(FilmUpdate update) {
-  tasks_.post([this, shared = std::make_shared<const FilmUpdate>(std::move(update))] {
+  const FrameKey key{update.job_id, update.unit.frame};
+  tasks_.post(key, [this, shared = std::make_shared<const FilmUpdate>(std::move(update))] {
     merge_now(*shared);
   });
 }
@@ -28,7 +41,9 @@ void FrameFinisher::merge(FilmUpdate update) {
 void FrameFinisher::finish_if_complete(FarmChange& change, Job& job, std::int32_t frame) {
   if (has_ended(job.state) || !is_ready(change, job, frame) || job.plan->is_finished(frame)) return;
   if (!change.film(job).finishing.insert(frame).second) return;
-  tasks_.post([this, key = FrameKey{job.spec->id, frame}] { finish(key); });
+  const FrameKey key{job.spec->id, frame};
+  tasks_.post(
+      key, [this, key] { finish(key); }, writing_bytes(job.spec->settings));
 }
 
 void FrameFinisher::catch_up(FarmChange& change, Job& job) {
@@ -43,18 +58,21 @@ void FrameFinisher::open_started(FarmChange& change, Job& job) {
   const BlockIndex& blocks = change.film(job).open_block_index(job);
   for (const std::int32_t frame : job.plan->shape().frames) {
     if (job.plan->is_finished(frame) || !blocks.has(frame)) continue;
-    tasks_.post([this, key = FrameKey{job.spec->id, frame}] { open(key); });
+    const FrameKey key{job.spec->id, frame};
+    tasks_.post(key, [this, key] { open(key); });
   }
 }
 
 void FrameFinisher::close_frames(const Job& job) {
-  if (!job.plan) return;
-  tasks_.post([this, id = job.spec->id, frames = job.plan->shape().frames] {
-    for (const std::int32_t frame : frames) {
-      films_.cache().close_frame({id, frame});
-      last_estimate_.erase({id, frame});
-    }
-  });
+  using Frames = std::numeric_limits<std::int32_t>;
+  const std::string& id = job.spec->id;
+  // Frames that a task may open, then those that are open.
+  std::vector<FrameKey> keys = tasks_.keys({id, Frames::min()}, {id, Frames::max()});
+  const std::vector<FrameKey> open = films_.cache().open_frames(id);
+  keys.insert(keys.end(), open.begin(), open.end());
+  std::sort(keys.begin(), keys.end());
+  keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+  for (const FrameKey& key : keys) tasks_.post(key, [this, key] { close(key); });
 }
 
 void FrameFinisher::carry_out(FarmChange& change, const Effects& effects) {
@@ -65,33 +83,46 @@ void FrameFinisher::carry_out(FarmChange& change, const Effects& effects) {
   }
 }
 
-// The film thread --------------------------------------------------------------------------------
+// The film threads -------------------------------------------------------------------------------
 
-void FrameFinisher::open(const FrameKey& key) {
-  if (films_.open(key)) decide(key);
+bool FrameFinisher::open(const FrameKey& key) {
+  const bool is_new = films_.open(key);
+  if (is_new) decide(key);
+  return is_new;
 }
 
-/// Passes new targets of the film to the scheduler.
+/// Passes new targets of the film to the scheduler. If a look is due, it is the frame's next task.
 void FrameFinisher::decide(const FrameKey& key) {
-  films_.take_damaged();
-  absl::Status status = pass_targets(key);
-  while (status.ok() && films_.cache().is_look_due(key)) {
-    status = take_look(key);
-    if (status.ok()) status = pass_targets(key);
-  }
-  if (status.ok() || absl::IsNotFound(status)) return;  // NotFound: the job has been removed
-  if (!redo_damaged(key, status)) fail(key, status);
+  films_.take_damaged(key);
+  if (const absl::Status status = pass_targets(key); !status.ok()) return handle(key, status);
+  if (!films_.cache().is_look_due(key)) return;
+  const std::shared_ptr<const JobSpec> spec = find_spec(key);
+  if (spec == nullptr) return;
+  tasks_.post_next(
+      key, [this, key] { look(key); }, writing_bytes(spec->settings));
 }
 
-absl::Status FrameFinisher::take_look(const FrameKey& key) {
-  std::shared_ptr<const JobSpec> spec;
-  {
-    const FarmView view(farm_);
-    const Job* job = view.find_job(key.job_id);
-    if (job == nullptr) return absl::NotFoundError("the job has been removed");
-    spec = job->spec;
-  }
-  return take_denoised_look(films_.cache(), key, *spec);
+/// Takes the look that is due, then decides again.
+void FrameFinisher::look(const FrameKey& key) {
+  const std::shared_ptr<const JobSpec> spec = find_spec(key);
+  if (spec == nullptr || !films_.cache().is_look_due(key)) return;
+  films_.take_damaged(key);
+  const absl::Status status = take_denoised_look(films_.cache(), key, *spec);
+  if (!status.ok()) return handle(key, status);
+  decide(key);
+}
+
+/// Returns the spec of the frame's job; nullptr if the job has been removed.
+std::shared_ptr<const JobSpec> FrameFinisher::find_spec(const FrameKey& key) const {
+  const FarmView view(farm_);
+  const Job* job = view.find_job(key.job_id);
+  return job == nullptr ? nullptr : job->spec;
+}
+
+/// Handles a film that cannot be read.
+void FrameFinisher::handle(const FrameKey& key, const absl::Status& status) {
+  if (absl::IsNotFound(status)) return;  // the job has been removed
+  if (!redo_damaged(key, status)) fail(key, status);
 }
 
 absl::Status FrameFinisher::pass_targets(const FrameKey& key) {
@@ -114,11 +145,11 @@ absl::Status FrameFinisher::pass_targets(const FrameKey& key) {
 
 /// If reading the frame failed because of damaged blocks, has them rendered again and returns true.
 bool FrameFinisher::redo_damaged(const FrameKey& key, const absl::Status& status) {
-  std::vector<Unit> damaged = films_.take_damaged();
+  std::vector<Unit> damaged = films_.take_damaged(key);
   if (damaged.empty()) return false;
   farm_.log(LogLevel::warn, absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ",
                                          status.ToString(), "; rendering it again"));
-  films_.cache().close_frame(key);
+  close(key);
   pipeline_.post([this, key, units = std::move(damaged)] { redo(key, units, false); });
   return true;
 }
@@ -151,15 +182,24 @@ void FrameFinisher::merge_now(const FilmUpdate& update) {
 }
 
 void FrameFinisher::estimate(const FrameKey& key) {
-  const Time now = farm_.now();
-  const auto last = last_estimate_.find(key);
-  if (last != last_estimate_.end() && now - last->second < kEstimateEvery) return;
-  last_estimate_[key] = now;
+  {
+    const Time now = farm_.now();
+    const MutexLock lock(mutex_);
+    const auto [last, is_first] = last_estimate_.try_emplace(key, now);
+    if (!is_first && now - last->second < kEstimateEvery) return;
+    last->second = now;
+  }
   const ErrorEstimate estimate = films_.cache().running_estimate(key);
   if (estimate.pixels == 0) return;
   FarmChange change(farm_);
   Job* job = change.find_job(key.job_id);
   if (job != nullptr) change.film(*job).estimated_error = estimate.error;
+}
+
+void FrameFinisher::close(const FrameKey& key) {
+  films_.close(key);
+  const MutexLock lock(mutex_);
+  last_estimate_.erase(key);
 }
 
 void FrameFinisher::finish(const FrameKey& key) {
@@ -177,17 +217,17 @@ void FrameFinisher::finish(const FrameKey& key) {
     spec = job->spec;
     progress = film.open_block_index(*job).progress(key.frame);
   }
-  open(key);
-  films_.take_damaged();
+  if (open(key) && films_.cache().is_look_due(key)) {  // the look comes first
+    return tasks_.post_next(
+        key, [this, key] { finish(key); }, writing_bytes(spec->settings));
+  }
+  films_.take_damaged(key);
   const Time started = farm_.now();
   auto finished = write_finished_frame(films_.cache(), store_, key, *spec, progress);
   farm_.metrics().frame_write_seconds.Observe(seconds(farm_.now() - started));
-  films_.cache().close_frame(key);
-  last_estimate_.erase(key);
-  if (!finished.ok()) {
-    if (!redo_damaged(key, finished.status())) fail(key, finished.status());
-    return;
-  }
+  if (!finished.ok() && !redo_damaged(key, finished.status())) fail(key, finished.status());
+  close(key);
+  if (!finished.ok()) return;
   const auto frame = std::make_shared<const FinishedFrame>(*std::move(finished));
   pipeline_.post_write(
       [this, key, frame, spec] {
@@ -255,8 +295,8 @@ void FrameFinisher::redo(const FrameKey& key, const std::vector<Unit>& units,
     film.committed_samples -= film.unit_samples(*job, unit);
   }
   if (reset_pass_targets) change.scheduler().results().reset_pass_targets(*job, key.frame);
-  tasks_.post([this, key] {  // rebuilds the film without them
-    films_.cache().close_frame(key);
+  tasks_.post(key, [this, key] {  // rebuilds the film without them
+    close(key);
     open(key);
   });
   change.scheduler().dispatcher().dispatch_all(change.now());

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
 #include "contract/film_block.h"
 #include "contract/unit.h"
@@ -18,7 +19,8 @@
 #include "server/settings/budgets.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
-#include "server/sync/task_queue.h"
+#include "server/sync/mutex.h"
+#include "server/sync/strand_queue.h"
 
 namespace tessera::server {
 
@@ -32,15 +34,14 @@ struct FilmUpdate {
 };
 
 /// Takes frames from their committed blocks to finished images, and has units rendered again whose
-/// blocks are damaged. Merges and writes images on the film thread, writes rows on the writer
-/// thread.
+/// blocks are damaged. Merges and writes images on the film threads, those of a frame in order;
+/// writes rows on the writer thread.
 class FrameFinisher final : public EffectHandler {
  public:
-  FrameFinisher(FarmState& farm, Store& store, CommitPipeline& pipeline, Budgets& budgets)
-      : farm_(farm), store_(store), pipeline_(pipeline), budgets_(budgets), films_(farm, store) {}
+  FrameFinisher(FarmState& farm, Store& store, CommitPipeline& pipeline, Budgets& budgets);
 
-  /// The film thread's tasks.
-  TaskQueue& tasks() { return tasks_; }
+  /// The film threads' tasks, by frame.
+  StrandQueue<FrameKey>& tasks() { return tasks_; }
   FrameFilms& films() { return films_; }
 
   /// Merges a committed unit.
@@ -51,8 +52,9 @@ class FrameFinisher final : public EffectHandler {
   void catch_up(FarmChange& change, Job& job);
   /// Drops the film of the job's frames.
   void close_frames(const Job& job);
-  /// Opens a frame and passes its targets to the scheduler. On the film thread.
-  void open(const FrameKey& key);
+  /// Opens a frame and passes its targets to the scheduler. Returns false if it was open already or
+  /// its job is gone. In a task of the frame.
+  bool open(const FrameKey& key);
   /// Keeps a frame from being finished until redo() or finish_if_complete().
   static void hold(FarmChange& change, const Job& job, std::int32_t frame) {
     change.film(job).finishing.insert(frame);
@@ -66,9 +68,12 @@ class FrameFinisher final : public EffectHandler {
   void open_started(FarmChange& change, Job& job);
   void merge_now(const FilmUpdate& update);
   void decide(const FrameKey& key);
+  void look(const FrameKey& key);
+  std::shared_ptr<const JobSpec> find_spec(const FrameKey& key) const;
   absl::Status pass_targets(const FrameKey& key);
-  absl::Status take_look(const FrameKey& key);
+  void handle(const FrameKey& key, const absl::Status& status);
   void estimate(const FrameKey& key);
+  void close(const FrameKey& key);
   void finish(const FrameKey& key);
   bool may_record(const FrameKey& key);
   void tell_finished(const FrameKey& key, const std::string& owner);
@@ -80,10 +85,10 @@ class FrameFinisher final : public EffectHandler {
   Store& store_;
   CommitPipeline& pipeline_;
   Budgets& budgets_;
-  TaskQueue tasks_;
-  // Film thread only.
   FrameFilms films_;
-  std::map<FrameKey, Time> last_estimate_;
+  Mutex mutex_;
+  std::map<FrameKey, Time> last_estimate_ ABSL_GUARDED_BY(mutex_);
+  StrandQueue<FrameKey> tasks_;
 };
 
 }  // namespace tessera::server

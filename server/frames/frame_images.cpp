@@ -1,5 +1,6 @@
 #include "server/frames/frame_images.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -14,6 +15,14 @@
 
 namespace tessera::server {
 namespace {
+
+/// Returns the memory of a frame's PNG or JPEG file; 0 if that is little.
+std::int64_t conversion_bytes(const contract::RenderSettings& settings) {
+  constexpr std::int64_t kPixelBytes = 4, kLittle = 1 << 20;
+  const contract::PixelRect window = settings.window();
+  const std::int64_t bytes = std::int64_t{window.width} * window.height * kPixelBytes;
+  return bytes > kLittle ? bytes : 0;
+}
 
 /// Converts an image file; a temporary one is removed.
 absl::StatusOr<FrameFile> converted(FrameFile file, const FrameQuery& query) {
@@ -32,31 +41,48 @@ absl::StatusOr<FrameFile> converted(FrameFile file, const FrameQuery& query) {
 
 }  // namespace
 
-void FrameImages::fetch_frame(const FrameQuery& query,
-                              std::function<void(absl::StatusOr<FrameFile>)> done) {
-  finisher_.tasks().post([this, query, done = std::move(done)] { done(make_file(query)); });
+void FrameImages::fetch_frame(const FrameQuery& query, OnFile done) {
+  finisher_.tasks().post({query.job_id, query.frame},
+                         [this, query, done = std::move(done)] { start(query, done); });
 }
 
-absl::StatusOr<FrameFile> FrameImages::make_file(const FrameQuery& query) {
-  std::shared_ptr<const JobSpec> spec;
-  std::optional<FrameRecord> finished;
+/// Answers, in a task of its own if that needs memory.
+void FrameImages::start(const FrameQuery& query, const OnFile& done) {
+  const auto source = find_source(query);
+  if (!source.ok()) return done(source.status());
+  const contract::RenderSettings& settings = source->spec->settings;
+  const std::int64_t written = source->finished ? 0 : writing_bytes(settings);
+  const std::int64_t converted = query.format == FrameFormat::exr ? 0 : conversion_bytes(settings);
+  finisher_.tasks().post_next(
+      {query.job_id, query.frame},
+      [this, query, done, source = *source] { done(make_file(query, source)); },
+      std::max(written, converted));
+}
+
+absl::StatusOr<FrameImages::Source> FrameImages::find_source(const FrameQuery& query) {
+  Source source;
   {
     FarmChange change(farm_);
     Job* job = change.find_job(query.job_id);
     if (job == nullptr) return absl::NotFoundError(absl::StrCat("no job \"", query.job_id, "\""));
-    spec = job->spec;
+    source.spec = job->spec;
     const auto& frames = change.film(*job).finished;
     if (const auto found = frames.find(query.frame); found != frames.end()) {
-      finished = found->second;
+      source.finished = found->second;
     } else if (!job->open_plan().contains({query.frame, 0, 0})) {
       return absl::NotFoundError(absl::StrCat("job ", query.job_id, " has no frame ", query.frame));
     }
   }
-  if (!finished && !query.allow_partial) {
+  if (!source.finished && !query.allow_partial) {
     return absl::FailedPreconditionError(
         absl::StrCat("frame ", query.frame, " of job ", query.job_id, " is not finished"));
   }
-  auto file = finished ? find_finished(query, *finished) : write_partial(query, *spec);
+  return source;
+}
+
+absl::StatusOr<FrameFile> FrameImages::make_file(const FrameQuery& query, const Source& source) {
+  auto file =
+      source.finished ? find_finished(query, *source.finished) : write_partial(query, *source.spec);
   if (!file.ok() || query.format == FrameFormat::exr) return file;
   return converted(*std::move(file), query);
 }
@@ -123,7 +149,7 @@ absl::StatusOr<FrameFile> FrameImages::write_partial(const FrameQuery& query, co
                         true};
   const auto result = write_frame(
       frame, [&](std::int32_t tile) { return film.tile(key, tile); }, path);
-  if (!was_open) film.close_frame(key);
+  if (!was_open) finisher_.films().close(key);
   if (!result.ok()) return result.status();
   FrameFile file;
   file.path = path;

@@ -19,8 +19,10 @@ namespace tessera::server {
 struct FarmOptions {
   SchedulePolicy policy;
   std::int64_t film_memory_bytes = std::int64_t{1} << 30;
-  std::int64_t ingest_bytes = std::int64_t{256} << 20;  // delivered and not committed
-  std::int64_t quota_bytes = std::int64_t{1} << 40;     // of the store
+  int film_threads = 1;  // threads that run Coordinator::run_film()
+  std::int64_t image_memory_bytes = std::int64_t{512} << 20;  // of large images being written
+  std::int64_t ingest_bytes = std::int64_t{256} << 20;        // delivered and not committed
+  std::int64_t quota_bytes = std::int64_t{1} << 40;           // of the store
   std::int64_t asset_quota_bytes = std::int64_t{64} << 30;
   std::int64_t job_retention_us = 0;  // age after its end at which a job is removed; 0: never
   ClientQuotas client_quotas;

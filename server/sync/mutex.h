@@ -48,6 +48,7 @@ class ConditionVariable {
     condition_.wait_until(lock, std::chrono::steady_clock::now() + timeout);
     lock.release();
   }
+  void notify_one() { condition_.notify_one(); }
   void notify_all() { condition_.notify_all(); }
 
  private:

@@ -120,7 +120,7 @@ FarmMetrics::FarmMetrics()
                          "Delivered blocks in memory that are not yet durable and merged")),
       film_bytes(gauge(registry_, "tessera_film_bytes", "Merged tiles in memory")),
       film_queue_length(
-          gauge(registry_, "tessera_film_queue_length", "Backlog of the film thread")),
+          gauge(registry_, "tessera_film_queue_length", "Backlog of the film threads")),
       store_bytes(gauge(registry_, "tessera_store_bytes", "Disk space of the store")),
       pools{{gauges(registry_, "tessera_pool_units_waiting",
                     "Units that a worker of the pool could be leased now"),

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -16,7 +17,13 @@ class MemoryFrames final : public FrameStore {
   /// `folder`: of the images.
   MemoryFrames(MemoryRows& rows, std::string folder) : rows_(rows), folder_(std::move(folder)) {}
 
+  /// Makes output_folder() first call `hook`. Before any other thread exists.
+  void on_output_folder(std::function<void(const std::string& job_id)> hook) {
+    hook_ = std::move(hook);
+  }
+
   absl::StatusOr<std::string> output_folder(const std::string& job_id) override {
+    if (hook_) hook_(job_id);
     const std::string folder = folder_ + "/" + job_id;
     std::filesystem::create_directories(folder);
     return folder;
@@ -55,6 +62,7 @@ class MemoryFrames final : public FrameStore {
  private:
   MemoryRows& rows_;
   const std::string folder_;
+  std::function<void(const std::string& job_id)> hook_;
 };
 
 }  // namespace tessera::server

@@ -27,9 +27,11 @@ class RunningCoordinator {
     answers_ = std::thread([this] {
       while (!coordinator_->is_stopping()) coordinator_->run_answers(true);
     });
-    film_ = std::thread([this] {
-      while (!coordinator_->is_stopping()) coordinator_->run_film(true);
-    });
+    for (std::thread& thread : film_) {
+      thread = std::thread([this] {
+        while (!coordinator_->is_stopping()) coordinator_->run_film(true);
+      });
+    }
     timer_ = std::thread([this] {
       while (!coordinator_->is_stopping()) {
         coordinator_->tick();
@@ -39,14 +41,17 @@ class RunningCoordinator {
   }
   ~RunningCoordinator() {
     coordinator_->stop();
-    for (std::thread* thread : {&writer_, &answers_, &film_, &timer_}) thread->join();
+    for (std::thread* thread : {&writer_, &answers_, &film_[0], &film_[1], &timer_}) thread->join();
   }
 
   Coordinator& coordinator() { return *coordinator_; }
 
  private:
+  static constexpr int kFilmThreads = 2;
+
   static FarmOptions options(Log log, ClientQuotas quotas) {
     FarmOptions options;
+    options.film_threads = kFilmThreads;
     options.client_quotas = std::move(quotas);
     options.policy.restart_grace = std::chrono::milliseconds(50);
     options.policy.client_priority = 50;
@@ -63,7 +68,7 @@ class RunningCoordinator {
 
   std::unique_ptr<Store> store_;
   std::unique_ptr<Coordinator> coordinator_;
-  std::thread writer_, answers_, film_, timer_;
+  std::thread writer_, answers_, film_[kFilmThreads], timer_;
 };
 
 }  // namespace tessera::server

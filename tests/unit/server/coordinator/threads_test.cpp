@@ -10,8 +10,8 @@
 namespace tessera::server {
 namespace {
 
-/// For the tsan preset: workers, clients, writer, answers, film thread and timer run at once,
-/// without gRPC.
+/// For the tsan preset: workers, clients, writer, answers, film threads and timer run at
+/// once, without gRPC.
 class CoordinatorThreads : public CoordinatorFixture {
  protected:
   /// Runs a worker that delivers all its leased units until the job is done.
@@ -34,8 +34,11 @@ class CoordinatorThreads : public CoordinatorFixture {
 };
 
 TEST_F(CoordinatorThreads, ConcurrentUseCommitsEveryUnitOnce) {
+  options.film_threads = 4;
+  start();
   JobSpec spec = spec_of("hammered", 64);
-  spec.settings.width = spec.settings.height = 160;  // 400 tiles, 2 passes
+  spec.settings.width = spec.settings.height = 80;  // 100 tiles, 2 passes
+  spec.settings.frames = {{0, 3, 1}};
   const std::string job = create(spec)->view.spec->id;
   std::thread writer([&] {
     while (!coordinator->is_stopping()) coordinator->run_writer(true);
@@ -43,9 +46,12 @@ TEST_F(CoordinatorThreads, ConcurrentUseCommitsEveryUnitOnce) {
   std::thread answers([&] {
     while (!coordinator->is_stopping()) coordinator->run_answers(true);
   });
-  std::thread film([&] {
-    while (!coordinator->is_stopping()) coordinator->run_film(true);
-  });
+  std::vector<std::thread> film;
+  for (int i = 0; i < options.film_threads; ++i) {
+    film.emplace_back([&] {
+      while (!coordinator->is_stopping()) coordinator->run_film(true);
+    });
+  }
   std::atomic<bool> is_over = false;
   std::thread timer([&] {
     while (!is_over) {
@@ -66,8 +72,9 @@ TEST_F(CoordinatorThreads, ConcurrentUseCommitsEveryUnitOnce) {
   coordinator->stop();
   writer.join();
   answers.join();
-  film.join();
+  for (std::thread& thread : film) thread.join();
   EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(view(job).finished_frame_count, 4);
   const auto report = coordinator->queries().report(job);
   std::int64_t units = 0;
   for (const auto& [id, contribution] : report->contributions) units += contribution.units;

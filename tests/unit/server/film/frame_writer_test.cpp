@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/base/config.h"
+#include "image/exr/exr_file.h"
 #include "server/film/image_export.h"
 #include "tests/support/json_schema.h"
 #include "tests/unit/server/film/made_blocks.h"
@@ -256,6 +257,22 @@ TEST_F(FrameWriterTest, SameInputGivesSameBytes) {
     EXPECT_NE(attribute.name(), "DateTime");
     EXPECT_NE(attribute.name(), "HostComputer");
   }
+}
+
+TEST_F(FrameWriterTest, ThreadsThatCompressKeepBytesAndErrors) {
+#if defined(ABSL_HAVE_THREAD_SANITIZER)
+  GTEST_SKIP() << "OpenEXR is built without it";
+#endif
+  spec_.settings.aovs = kAllAovs;
+  spec_.settings.height = 200;  // 13 groups of scanlines
+  const FrameResult one = written(made_tiles(), "one.exr");
+  image::set_exr_threads(4);
+  const FrameResult four = written(made_tiles(), "four.exr");
+  const absl::Status full = write_frame(spec_, made_tiles(), "/dev/full").status();
+  image::set_exr_threads(0);
+  EXPECT_EQ(bytes_of(path("four.exr")), bytes_of(path("one.exr")));
+  EXPECT_EQ(four.file_sha256, one.file_sha256);
+  EXPECT_EQ(full.code(), absl::StatusCode::kResourceExhausted);
 }
 
 TEST_F(FrameWriterTest, TileSizeKeepsPixels) {
