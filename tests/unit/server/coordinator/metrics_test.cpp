@@ -28,6 +28,16 @@ class MetricsTest : public CoordinatorFixture {
   }
 };
 
+TEST_F(MetricsTest, CancelledJobKeepsNoFilm) {
+  TestWorker worker = join("w", 4);
+  const std::string job = create_job("a");
+  deliver_all(worker);
+  pump();
+  ASSERT_GT(scrape().at("tessera_film_bytes"), 0);
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
+  EXPECT_EQ(scrape().at("tessera_film_bytes"), 0);
+}
+
 TEST_F(MetricsTest, UnitsAreCountedByState) {
   TestWorker worker = join("w", 4);
   const std::string job = create_job("a");  // 20 × 12 pixels, 6 tiles

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
+#include <future>
 #include <map>
 #include <random>
 #include <set>
@@ -281,6 +283,25 @@ TEST_F(FilmCacheTest, ConcurrentAddsMatchSerialOnes) {
   }
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(all_pixels(cache), all_pixels(alone));
+}
+
+TEST_F(FilmCacheTest, ReadingAFrameDoesNotDelayAnother) {
+  FilmCache cache(kPlenty);
+  std::promise<void> is_reading, may_end;
+  cache.open_frame({"job", 1}, settings_, [&](std::int32_t tile, std::int32_t pass) {
+    is_reading.set_value();
+    const auto status = may_end.get_future().wait_for(std::chrono::minutes(1));
+    EXPECT_EQ(status, std::future_status::ready);
+    return absl::StatusOr<FilmBlock>(block(tile, pass));
+  });
+  ASSERT_TRUE(cache.record_committed({"job", 1}, 0, 0).ok());
+  open(cache);
+  std::thread reader([&] { EXPECT_TRUE(cache.tile({"job", 1}, 0).ok()); });
+  is_reading.get_future().wait();
+  EXPECT_TRUE(cache.add(frame_key, 0, 0, block(0, 0)).ok());
+  may_end.set_value();
+  reader.join();
+  EXPECT_EQ(cache.open_frames("job").size(), 2u);
 }
 
 /// The same frame with a target error: its radiance is noise of standard deviation 0.29 about 0.75,

@@ -138,12 +138,12 @@ TEST(StrandQueue, TasksOfOtherKeysRunMeanwhile) {
     has_started.happen();
     EXPECT_TRUE(may_end.wait());
   });
+  EXPECT_TRUE(has_started.wait());
   std::atomic<bool> is_second_done = false;
   queue.post("a", [&] {
     is_second_done = true;
     over.happen();
   });
-  EXPECT_TRUE(has_started.wait());
   queue.post("b", [&] {
     EXPECT_FALSE(is_second_done) << "the first task of its key still runs";
     EXPECT_EQ(queue.keys("a", "b").size(), 2u);
