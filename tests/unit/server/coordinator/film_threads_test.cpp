@@ -88,11 +88,12 @@ class FilmThreads : public CoordinatorFixture {
 };
 
 TEST_F(FilmThreads, FrameIsFinishedWhileAnotherIsWritten) {
-  const std::string held = create_job("held"), other = create_job("other");
+  const std::string held = create_job("held");
   hold(held);
   start_film();
   TestWorker worker = join("w");
   EXPECT_TRUE(work_until(worker, [&] { return held_count() == 1; }));
+  const std::string other = create_job("other");
   EXPECT_TRUE(work_until(worker, [&] { return is_done(other); }));
   EXPECT_FALSE(is_done(held));
   release();
