@@ -5,7 +5,7 @@ namespace tessera::image {
 /// Constants of the filter, in units of the frame's mean luminance where they are radiances. Tuned
 /// on the scenes of tests/bench/coverage.
 struct FilterParameters {
-  static constexpr int kGuideRadius = 5, kFilterRadius = 5, kRegressionRadius = 3;
+  static constexpr int kWindowRadius = 5, kRegressionRadius = 3;
   static constexpr float kGuideNoise = 1, kFilterNoise = 4;  // squared multiples of the noise
   static constexpr float kGuideTolerance = 1e-4f, kFilterTolerance = 1e-3f;  // of squared colour
   static constexpr float kMinSquare = 1e-9f;

@@ -1,11 +1,9 @@
 #include "image/denoise/frame_denoiser.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -39,8 +37,8 @@ class FrameDenoiser::State {
         const std::vector<ExrPlane>& inputs, int threads)
       : width_(width),
         height_(height),
-        mean_luminance_(mean_luminance > 0 ? mean_luminance : 1),
-        threads_(threads) {
+        denoiser_({width, height, mean_luminance > 0 ? mean_luminance : 1}, {0, 0, width, height},
+                  threads) {
     for (std::size_t r = 0; r < kReplicates; ++r) {
       for (std::size_t c = 0; c < kPerReplicate; ++c) {
         inputs_.push_back(position(inputs, channel_name(r, c)));
@@ -66,7 +64,7 @@ class FrameDenoiser::State {
   }
 
   const std::vector<ExrPlane>& planes() const { return planes_; }
-  const DenoiseSums& sums() const { return sums_; }
+  const DenoiseSums& sums() const { return denoiser_.sums(); }
 
   absl::Status push(std::int32_t rows, const std::vector<ExrPlane>& inputs, const Sink& sink) {
     const std::size_t count = as_size(rows) * as_size(width_);
@@ -87,9 +85,8 @@ class FrameDenoiser::State {
     }
     end_row_ += rows;
     while (next_row_ < height_) {
-      const std::int32_t next = std::min(height_, next_row_ + kDenoiseTile);
-      if (end_row_ < std::min(height_, next + kDenoiseMargin)) break;
-      if (absl::Status status = emit(next - next_row_, sink); !status.ok()) return status;
+      if (end_row_ < denoiser_.input_end()) break;
+      if (absl::Status status = emit(sink); !status.ok()) return status;
     }
     return absl::OkStatus();
   }
@@ -106,30 +103,26 @@ class FrameDenoiser::State {
   }
 
   /// Denoises the next rows and passes them on.
-  absl::Status emit(std::int32_t rows, const Sink& sink) {
+  absl::Status emit(const Sink& sink) {
     DenoiseRows input;
-    input.width = width_;
-    input.height = height_;
-    input.first_row = first_row_;
-    input.rows = end_row_ - first_row_;
-    input.mean_luminance = mean_luminance_;
+    input.first = first_row_;
     for (std::size_t k = 0; k < inputs_.size(); ++k) input.planes[k] = rows_[k].data();
-    const std::vector<DenoisedTile> tiles = denoise_tiles(input);
+    const DenoisedRows denoised = denoiser_.next(input);
 
-    const std::size_t count = as_size(rows) * as_size(width_);
+    const std::size_t count = denoised.is_raw.size();
     std::vector<ExrPlane> output = planes_;
     for (std::size_t k = 0; k < kept_.size(); ++k) {
       move_front(waiting_[k].values, output[k].values, count);
       move_front(waiting_[k].words, output[k].words, count);
     }
     for (std::size_t c = 0; c < 3; ++c) output[raw_ + c].values = output[colour_[c]].values;
-    put_tiles(tiles, output);
+    put_denoised(denoised, output);
     put_variance(count, output);
     if (albedo_ != kNone) put_feature(0, albedo_, count, output);
     if (normal_ != kNone) put_feature(3, normal_, count, output);
-    if (absl::Status status = sink(rows, output); !status.ok()) return status;
-    next_row_ += rows;
-    drop_rows(std::max(0, next_row_ - kDenoiseMargin));
+    if (absl::Status status = sink(denoised.rows, output); !status.ok()) return status;
+    next_row_ += denoised.rows;
+    drop_rows(denoiser_.input_begin());
     return absl::OkStatus();
   }
 
@@ -147,36 +140,13 @@ class FrameDenoiser::State {
     first_row_ = first_row;
   }
 
-  /// The tiles of a row of tiles, in order.
-  std::vector<DenoisedTile> denoise_tiles(const DenoiseRows& input) {
-    const std::int32_t columns = (width_ + kDenoiseTile - 1) / kDenoiseTile;
-    std::vector<DenoisedTile> tiles(as_size(columns));
-    std::atomic<std::int32_t> next{0};
-    const auto work = [&] {
-      for (std::int32_t column = next++; column < columns; column = next++) {
-        tiles[as_size(column)] = denoise_tile(input, column * kDenoiseTile, next_row_);
-      }
-    };
-    std::vector<std::thread> others;
-    for (int i = 1; i < std::min(threads_, columns); ++i) others.emplace_back(work);
-    work();
-    for (std::thread& thread : others) thread.join();
-    for (const DenoisedTile& tile : tiles) sums_.add(tile.sums);
-    return tiles;
-  }
-
   /// Replaces R, G, B, but for pixels that are left raw.
-  void put_tiles(const std::vector<DenoisedTile>& tiles, std::vector<ExrPlane>& output) const {
-    std::size_t x = 0;
-    for (const DenoisedTile& tile : tiles) {
-      for (std::size_t i = 0; i < tile.is_raw.size(); ++i) {
-        if (tile.is_raw[i] != 0) continue;
-        const std::size_t row = i / as_size(tile.width), column = i % as_size(tile.width);
-        for (std::size_t c = 0; c < 3; ++c) {
-          output[colour_[c]].values[row * as_size(width_) + x + column] = tile.rgb[c][i];
-        }
+  void put_denoised(const DenoisedRows& denoised, std::vector<ExrPlane>& output) const {
+    for (std::size_t c = 0; c < 3; ++c) {
+      std::vector<float>& to = output[colour_[c]].values;
+      for (std::size_t i = 0; i < denoised.is_raw.size(); ++i) {
+        if (denoised.is_raw[i] == 0) to[i] = denoised.rgb[c][i];
       }
-      x += as_size(tile.width);
     }
   }
 
@@ -220,8 +190,7 @@ class FrameDenoiser::State {
   }
 
   const std::int32_t width_, height_;
-  const double mean_luminance_;
-  const int threads_;
+  Denoiser denoiser_;
   std::vector<std::size_t> inputs_;  // positions of the denoising channels among the inputs
   std::vector<std::size_t> kept_;    // positions of the other channels
   std::vector<ExrPlane> planes_;     // of the output: the kept channels, then new ones
@@ -230,7 +199,6 @@ class FrameDenoiser::State {
   std::vector<std::vector<float>> rows_;  // denoising channels of rows [first_row_, end_row_)
   std::vector<ExrPlane> waiting_;         // kept channels of rows [next_row_, end_row_)
   std::int32_t first_row_ = 0, next_row_ = 0, end_row_ = 0;
-  DenoiseSums sums_;
 };
 
 FrameDenoiser::FrameDenoiser(std::int32_t width, std::int32_t height, double mean_luminance,

@@ -2,8 +2,6 @@
 
 #include <immintrin.h>
 
-#include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <initializer_list>
 #include <utility>
@@ -18,8 +16,9 @@ constexpr std::size_t kLanes = 8;
 constexpr std::size_t kTerms = kHalfFeatures + 1;          // of the regression: 1 and the features
 constexpr std::size_t kPairs = kTerms * (kTerms + 1) / 2;  // of the normal matrix, row by row
 constexpr std::size_t kSides = 6;                          // right-hand sides: two streams of RGB
-constexpr std::int32_t kGuideInset = 8, kNoiseInset = 10;  // the rest a multiple of kLanes
-constexpr int kPatch = 1;
+constexpr std::size_t kSide = 2 * P::kWindowRadius + 1, kOffsets = kSide * kSide;
+constexpr int kPatch = 1, kRawNoiseRadius = 1, kGuideNoiseRadius = 2;
+static_assert(P::kWindowRadius + kPatch + kGuideNoiseRadius <= kHalfMargin);
 
 /// kLanes neighbouring pixels of a row. GCC does not make vectors of loops this short.
 using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
@@ -37,6 +36,13 @@ void store_lanes(Lanes lanes, float* to) {
 /// a · b + c, rounded once.
 Lanes multiply_add(Lanes a, Lanes b, Lanes c) {
   return _mm256_fmadd_ps(a, b, c);
+}
+
+/// Lanes kShift to kShift + 7 of the sixteen of `first` and `second`; kShift is 1 or 2.
+template <int kShift>
+Lanes shifted(Lanes first, Lanes second) {
+  const __m256i middle = _mm256_castps_si256(_mm256_permute2f128_ps(first, second, 0x21));
+  return _mm256_castsi256_ps(_mm256_alignr_epi8(middle, _mm256_castps_si256(first), 4 * kShift));
 }
 
 std::size_t size_of(std::int32_t value) {
@@ -65,13 +71,12 @@ Guidance guidance(const ColourPlanes& colour, const Plane& noise, float per_nois
 }
 
 /// Adds up (2 radius + 1)² neighbours, row by row, and divides by their number. Defined `radius`
-/// further in than `in`.
-Plane box_mean(const Plane& in, std::int32_t width, std::int32_t height, std::int32_t radius,
-               std::int32_t inset) {
+/// pixels from the border on.
+Plane box_mean(const Plane& in, std::int32_t width, std::int32_t height, std::int32_t radius) {
   Plane out(in.size());
   const float scale = 1.0f / static_cast<float>((2 * radius + 1) * (2 * radius + 1));
-  const std::size_t begin = size_of(inset), end = size_of(width - inset);
-  for (std::int32_t y = inset; y < height - inset; ++y) {
+  const std::size_t begin = size_of(radius), end = size_of(width - radius);
+  for (std::int32_t y = radius; y < height - radius; ++y) {
     float* to = &out[size_of(y) * size_of(width)];
     for (std::int32_t dy = -radius; dy <= radius; ++dy) {
       for (std::int32_t dx = -radius; dx <= radius; ++dx) {
@@ -84,120 +89,110 @@ Plane box_mean(const Plane& in, std::int32_t width, std::int32_t height, std::in
   return out;
 }
 
-/// Filters the rows of a half with windows of one radius.
+/// Filters the pixels of a half with windows of kSide x kSide pixels, kLanes pixels at a time.
 class WindowFilter {
  public:
-  WindowFilter(const Half& half, const Guidance& guide, int radius, std::int32_t inset)
+  WindowFilter(const Half& half, const Guidance& guide)
       : half_(half),
         guide_(guide),
-        radius_(radius),
-        begin_(size_of(inset)),
-        count_(size_of(half.width - 2 * inset)),
-        side_(size_of(2 * radius + 1)),
-        patches_(3 * side_ * side_ * count_),
-        ratio_(count_ + 2) {}
+        count_(size_of(half.width - 2 * kHalfMargin)),
+        row_sums_(kOffsets * (count_ / kLanes)) {
+    std::size_t to = 0;
+    for (int dy = -P::kWindowRadius; dy <= P::kWindowRadius; ++dy) {
+      for (int dx = -P::kWindowRadius; dx <= P::kWindowRadius; ++dx)
+        offsets_[to++] = std::ptrdiff_t{dy} * half.width + dx;
+    }
+    for (std::size_t k = 0; k < kHalfFeatures; ++k) features_[k] = half.features[k].data();
+    for (std::size_t c = 0; c < 3; ++c) {
+      streams_[c] = half.streams.a[c].data();
+      streams_[3 + c] = half.streams.b[c].data();
+    }
+  }
 
-  /// Zero-order filter of rows [inset, height - inset); with `first_order`, the regression too.
+  /// Zero-order filter; with `first_order`, the regression too.
   void run(StreamPair& zero_order, StreamPair* first_order) {
-    const auto inset = static_cast<std::int32_t>(begin_);
-    for (std::int32_t y = inset - kPatch; y < half_.height - inset + kPatch; ++y) {
-      add_patches(y);
-      if (y < inset + kPatch) continue;
+    for (std::int32_t y = kHalfMargin - kPatch; y < half_.height - kHalfMargin + kPatch; ++y) {
+      start_row(y);
       for (std::size_t x = 0; x < count_; x += kLanes) {
-        filter(y - kPatch, x, zero_order);
-        if (first_order != nullptr) regress(y - kPatch, x, *first_order);
+        add_patches(y, x);
+        if (y < kHalfMargin + kPatch) continue;
+        const std::ptrdiff_t p = position(y - kPatch, x);
+        const bool all_valid = window_is_valid(p);
+        all_valid ? find_weights<true>(p) : find_weights<false>(p);
+        average(p, zero_order);
+        if (first_order != nullptr) regress(p, *first_order);
       }
     }
   }
 
  private:
-  /// Sums of three ratios beside each other: a row of the 3x3 patches. For kLanes pixels from x on,
-  /// all offsets in turn.
-  float* patch(std::int32_t y, std::size_t x) {
-    return &patches_[(size_of(y) % 3 * count_ + x) * side_ * side_];
+  /// Index of a pixel of a row, counted from the first one inside the border.
+  std::ptrdiff_t position(std::int32_t y, std::size_t x) const {
+    return static_cast<std::ptrdiff_t>(size_of(y) * size_of(half_.width) + kHalfMargin + x);
   }
 
-  void add_patches(std::int32_t y) {
-    std::size_t offset = 0;
-    for (int dy = -radius_; dy <= radius_; ++dy) {
-      for (int dx = -radius_; dx <= radius_; ++dx, ++offset) {
-        add_ratios(row(y) - 1, row(y + dy) - 1 + dx);
-        for (std::size_t x = 0; x < count_; x += kLanes) {
-          const float* ratio = &ratio_[x];
-          store_lanes((load_lanes(ratio) + load_lanes(ratio + 1)) + load_lanes(ratio + 2),
-                      patch(y, x) + kLanes * offset);
-        }
-      }
-    }
-  }
-
-  /// Index of the first filtered pixel of a row.
-  std::ptrdiff_t row(std::int32_t y) const {
-    return static_cast<std::ptrdiff_t>(size_of(y) * size_of(half_.width) + begin_);
-  }
-
-  /// Squared difference of colours beyond what noise explains, relative to the tolerance.
-  void add_ratios(std::ptrdiff_t p, std::ptrdiff_t q) {
-    const float *p0 = guide_.colour[0] + p, *p1 = guide_.colour[1] + p, *p2 = guide_.colour[2] + p;
-    const float *q0 = guide_.colour[0] + q, *q1 = guide_.colour[1] + q, *q2 = guide_.colour[2] + q;
-    const float *noise_p = guide_.noise + p, *noise_q = guide_.noise + q;
-    const float *tolerance_p = guide_.tolerance.data() + p,
-                *tolerance_q = guide_.tolerance.data() + q;
-    float* ratio = ratio_.data();
-    for (std::size_t x = 0; x < count_ + 2; ++x) {
-      const float d0 = p0[x] - q0[x], d1 = p1[x] - q1[x], d2 = p2[x] - q2[x];
-      const float noise = noise_p[x] + (noise_p[x] < noise_q[x] ? noise_p[x] : noise_q[x]);
-      ratio[x] = (((d0 * d0 + d1 * d1) + d2 * d2) - noise) / (tolerance_p[x] + tolerance_q[x]);
-    }
-  }
-
-  /// Features of kLanes pixels, and their tolerances.
-  struct Features {
-    Lanes value[kHalfFeatures], albedo_weight, normal_weight, depth_weight;
+  /// What the distance between patches needs of kLanes pixels.
+  struct GuidePixels {
+    Lanes colour[3], noise, tolerance;
   };
 
-  Features features_at(std::ptrdiff_t p) const {
-    Features at;
-    for (std::size_t k = 0; k < kHalfFeatures; ++k) {
-      at.value[k] = load_lanes(half_.features[k].data() + p);
-    }
-    at.albedo_weight = load_lanes(half_.albedo_weight.data() + p);
-    at.normal_weight = load_lanes(half_.normal_weight.data() + p);
-    at.depth_weight = load_lanes(half_.depth_weight.data() + p);
+  GuidePixels guide_at(std::ptrdiff_t p) const {
+    GuidePixels at;
+    for (std::size_t c = 0; c < 3; ++c) at.colour[c] = load_lanes(guide_.colour[c] + p);
+    at.noise = load_lanes(guide_.noise + p);
+    at.tolerance = load_lanes(guide_.tolerance.data() + p);
     return at;
   }
 
-  /// Squared difference of the features, relative to the tolerance of the pixels `at`.
-  static Lanes feature_distance(const Features& at, const float* const (&planes)[kHalfFeatures],
-                                std::ptrdiff_t q) {
-    Lanes difference[kHalfFeatures];
-    for (std::size_t k = 0; k < kHalfFeatures; ++k)
-      difference[k] = at.value[k] - load_lanes(planes[k] + q);
-    const auto squares = [&](std::initializer_list<std::size_t> features) {
-      Lanes sum = {};
-      for (const std::size_t k : features) sum = multiply_add(difference[k], difference[k], sum);
-      return sum;
-    };
-    const Lanes depth = squares({6}) * at.depth_weight;
-    const Lanes normal = multiply_add(squares({3, 4, 5}), at.normal_weight, depth);
-    return multiply_add(squares({0, 1, 2, 7}), at.albedo_weight, normal);
+  /// Squared difference of colours beyond what noise explains, relative to the tolerance.
+  Lanes ratio(const GuidePixels& at, std::ptrdiff_t q) const {
+    const GuidePixels other = guide_at(q);
+    Lanes squares[3];
+    for (std::size_t c = 0; c < 3; ++c) {
+      const Lanes difference = at.colour[c] - other.colour[c];
+      squares[c] = difference * difference;
+    }
+    const Lanes noise = at.noise + (at.noise < other.noise ? at.noise : other.noise);
+    return (((squares[0] + squares[1]) + squares[2]) - noise) / (at.tolerance + other.tolerance);
   }
 
-  /// Mean distance of the colours of two patches: of kLanes pixels from x on, and of their
-  /// neighbours at one offset.
-  struct Patches {
-    const float *above, *here, *below;
+  /// Ratios of the kLanes pixels that begin one pixel before the first of a row.
+  void start_row(std::int32_t y) {
+    const std::ptrdiff_t p = position(y, 0) - kPatch;
+    const GuidePixels at = guide_at(p);
+    for (std::size_t o = 0; o < kOffsets; ++o) ratios_[o] = ratio(at, p + offsets_[o]);
+  }
 
-    Lanes distance(std::size_t offset) const {
-      const std::size_t at = offset * kLanes;
-      const Lanes mean =
-          ((load_lanes(above + at) + load_lanes(here + at)) + load_lanes(below + at)) * (1.0f / 9);
-      return mean > 0 ? mean : Lanes{};
+  /// Adds row y to the patches around kLanes pixels of the row above, which completes them: finds
+  /// the mean distances of their colours to those of the neighbours.
+  void add_patches(std::int32_t y, std::size_t x) {
+    const std::ptrdiff_t p = position(y, x) - kPatch + kLanes;
+    const GuidePixels at = guide_at(p);
+    RowSums* sums = &row_sums_[x / kLanes * kOffsets];
+    const std::size_t slot = size_of(y) % 2;
+    for (std::size_t o = 0; o < kOffsets; ++o) {
+      const Lanes first = ratios_[o], next = ratio(at, p + offsets_[o]);
+      const Lanes sum = (first + shifted<1>(first, next)) + shifted<2>(first, next);
+      ratios_[o] = next;
+      Lanes(&rows)[2] = sums[o].rows;  // rows[slot] is the row two above
+      const Lanes mean = ((rows[slot] + rows[1 - slot]) + sum) * (1.0f / 9);
+      distances_[o] = mean > 0 ? mean : Lanes{};
+      rows[slot] = sum;
     }
-  };
+  }
 
-  Patches patches_at(std::int32_t y, std::size_t x) {
-    return {patch(y - 1, x), patch(y, x), patch(y + 1, x)};
+  /// Whether all pixels in the windows of kLanes pixels are in the frame.
+  bool window_is_valid(std::ptrdiff_t p) const {
+    constexpr int kRadius = P::kWindowRadius;
+    Lanes least = Lanes{} + 1;
+    for (int dy = -kRadius; dy <= kRadius; ++dy) {
+      const float* row = half_.valid.data() + p + std::ptrdiff_t{dy} * half_.width;
+      for (const int dx : {-kRadius, 0, kRadius}) {
+        const Lanes valid = load_lanes(row + dx);
+        least = valid < least ? valid : least;
+      }
+    }
+    return _mm256_movemask_ps(least < 1) == 0;
   }
 
   /// Share of a neighbour's weight that counts: 0 outside the frame; the pixel itself has weight 1.
@@ -205,38 +200,56 @@ class WindowFilter {
     return q == p ? Lanes{} + 1 : load_lanes(half_.valid.data() + q);
   }
 
-  /// Filters kLanes pixels.
-  void filter(std::int32_t y, std::size_t x, StreamPair& out) {
-    const std::ptrdiff_t p = row(y) + static_cast<std::ptrdiff_t>(x);
-    const Features at = features_at(p);
-    const Patches patches = patches_at(y, x);
-    const float *planes[kHalfFeatures], *streams[kSides];
-    for (std::size_t k = 0; k < kHalfFeatures; ++k) planes[k] = half_.features[k].data();
-    for (std::size_t k = 0; k < kSides; ++k) streams[k] = stream(k);
-    Lanes total = {}, sums[kSides] = {};
-    std::size_t offset = 0;
-    for (int dy = -radius_; dy <= radius_; ++dy) {
-      for (int dx = -radius_; dx <= radius_; ++dx, ++offset) {
-        const std::ptrdiff_t q = p + dy * std::ptrdiff_t{half_.width} + dx;
-        const Lanes distance = patches.distance(offset) + feature_distance(at, planes, q);
-        const Lanes weight = filter_weight(distance) * in_frame(p, q);
-        total += weight;
-        for (std::size_t k = 0; k < kSides; ++k)
-          sums[k] = multiply_add(weight, load_lanes(streams[k] + q), sums[k]);
-      }
-    }
-    for (std::size_t k = 0; k < kSides; ++k) {
-      store_lanes(sums[k] / total, (k < 3 ? out.a[k] : out.b[k - 3]).data() + p);
+  /// Weights of all neighbours of kLanes pixels, by colour and features.
+  template <bool kAllValid>
+  void find_weights(std::ptrdiff_t p) {
+    Lanes at[kHalfFeatures];
+    for (std::size_t k = 0; k < kHalfFeatures; ++k) at[k] = load_lanes(features_[k] + p);
+    const Lanes albedo_weight = load_lanes(half_.albedo_weight.data() + p),
+                normal_weight = load_lanes(half_.normal_weight.data() + p),
+                depth_weight = load_lanes(half_.depth_weight.data() + p);
+    for (std::size_t o = 0; o < kOffsets; ++o) {
+      const std::ptrdiff_t q = p + offsets_[o];
+      const auto squares = [&](std::initializer_list<std::size_t> features) {
+        Lanes sum = {};
+        for (const std::size_t k : features) {
+          const Lanes difference = at[k] - load_lanes(features_[k] + q);
+          sum = multiply_add(difference, difference, sum);
+        }
+        return sum;
+      };
+      const Lanes depth = squares({6}) * depth_weight;
+      const Lanes normal = multiply_add(squares({3, 4, 5}), normal_weight, depth);
+      const Lanes features = multiply_add(squares({0, 1, 2, 7}), albedo_weight, normal);
+      const Lanes weight = filter_weight(distances_[o] + features);
+      weights_[o] = kAllValid ? weight : weight * in_frame(p, q);
     }
   }
 
-  const float* stream(std::size_t k) const {
-    return (k < 3 ? half_.streams.a[k] : half_.streams.b[k - 3]).data();
+  /// Weighted means of the streams in the windows of kLanes pixels.
+  void average(std::ptrdiff_t p, StreamPair& out) const {
+    Lanes total = {}, sums[kSides] = {};
+    for (std::size_t o = 0; o < kOffsets; ++o) {
+      const std::ptrdiff_t q = p + offsets_[o];
+      const Lanes weight = weights_[o];
+      total += weight;
+      for (std::size_t k = 0; k < kSides; ++k)
+        sums[k] = multiply_add(weight, load_lanes(streams_[k] + q), sums[k]);
+    }
+    for (std::size_t k = 0; k < kSides; ++k) sums[k] /= total;
+    store(sums, p, out);
+  }
+
+  static void store(const Lanes (&values)[kSides], std::ptrdiff_t p, StreamPair& out) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      store_lanes(values[c], out.a[c].data() + p);
+      store_lanes(values[3 + c], out.b[c].data() + p);
+    }
   }
 
   /// Normal matrix of kLanes pixels, and the solution for the constant term.
   struct Equations {
-    Lanes matrix[kPairs] = {}, solution[kTerms] = {};
+    Lanes matrix[kPairs], solution[kTerms];
 
     Lanes& at(std::size_t a, std::size_t b) { return matrix[a * (a + 1) / 2 + b]; }
   };
@@ -250,20 +263,23 @@ class WindowFilter {
   static constexpr std::size_t kRegressionSide = 2 * P::kRegressionRadius + 1;
   static constexpr std::size_t kNeighbours = kRegressionSide * kRegressionSide;
 
-  void find_neighbours(std::int32_t y, std::size_t x, std::ptrdiff_t p,
-                       Neighbour (&neighbours)[kNeighbours]) {
-    constexpr int kRadius = P::kRegressionRadius;
-    const Patches patches = patches_at(y, x);
-    const Lanes depth = load_lanes(half_.features[6].data() + p);
+  void find_neighbours(std::ptrdiff_t p, Neighbour (&neighbours)[kNeighbours]) const {
+    constexpr std::size_t kFirst = P::kWindowRadius - P::kRegressionRadius;
+    const Lanes depth = load_lanes(features_[6] + p);
     const Lanes depth_scale = depth > 0 ? P::kDepthScale / depth : Lanes{};
     Neighbour* to = neighbours;
-    for (int dy = -kRadius; dy <= kRadius; ++dy) {
-      for (int dx = -kRadius; dx <= kRadius; ++dx) {
-        const std::size_t offset = size_of(dy + radius_) * side_ + size_of(dx + radius_);
-        const std::ptrdiff_t q = p + dy * std::ptrdiff_t{half_.width} + dx;
+    for (std::size_t row = kFirst; row < kFirst + kRegressionSide; ++row) {
+      for (std::size_t column = kFirst; column < kFirst + kRegressionSide; ++column) {
+        const std::size_t o = row * kSide + column;
+        const std::ptrdiff_t q = p + offsets_[o];
         to->position = q;
-        to->weight = filter_weight(patches.distance(offset)) * in_frame(p, q);
-        find_terms(p, q, depth_scale, to->terms);
+        to->weight = filter_weight(distances_[o]) * in_frame(p, q);
+        for (std::size_t k = 0; k < kHalfFeatures; ++k) {
+          const Lanes difference = load_lanes(features_[k] + q) - load_lanes(features_[k] + p);
+          to->terms[k] = k == 6
+                             ? difference * depth_scale
+                             : difference * (k >= 3 && k < 6 ? P::kNormalScale : P::kAlbedoScale);
+        }
         ++to;
       }
     }
@@ -271,12 +287,18 @@ class WindowFilter {
 
   /// The regression's value at a pixel is linear in the neighbours' colours: their factors are
   /// weight · solution · terms.
-  void regress(std::int32_t y, std::size_t x, StreamPair& out) {
+  void regress(std::ptrdiff_t p, StreamPair& out) const {
     Equations equations;
-    const std::ptrdiff_t p = row(y) + static_cast<std::ptrdiff_t>(x);
     Neighbour neighbours[kNeighbours];
-    find_neighbours(y, x, p, neighbours);
-    add_rows(neighbours, equations, std::make_index_sequence<kTerms>());
+    find_neighbours(p, neighbours);
+    // Rows in pairs: their sums fit into the registers, and hide each other's latency.
+    add_rows<8, 2>(neighbours, equations);
+    add_rows<7, 3>(neighbours, equations);
+    add_rows<6, 4>(neighbours, equations);
+    add_rows<5, 1>(neighbours, equations);
+    Lanes total = {};
+    for (const Neighbour& each : neighbours) total += each.weight;
+    equations.at(0, 0) = total;
     solve(equations);
     Lanes sums[kSides] = {};
     for (const Neighbour& each : neighbours) {
@@ -285,78 +307,67 @@ class WindowFilter {
         factor = multiply_add(equations.solution[a], each.terms[a - 1], factor);
       factor *= each.weight;
       for (std::size_t k = 0; k < kSides; ++k)
-        sums[k] = multiply_add(factor, load_lanes(stream(k) + each.position), sums[k]);
+        sums[k] = multiply_add(factor, load_lanes(streams_[k] + each.position), sums[k]);
     }
-    for (std::size_t k = 0; k < kSides; ++k) {
-      store_lanes(sums[k], (k < 3 ? out.a[k] : out.b[k - 3]).data() + p);
-    }
+    store(sums, p, out);
   }
 
-  void find_terms(std::ptrdiff_t p, std::ptrdiff_t q, Lanes depth_scale,
-                  Lanes (&terms)[kHalfFeatures]) const {
-    for (std::size_t k = 0; k < kHalfFeatures; ++k) {
-      const float* plane = half_.features[k].data();
-      const Lanes difference = load_lanes(plane + q) - load_lanes(plane + p);
-      terms[k] = k == 6 ? difference * depth_scale
-                        : difference * (k >= 3 && k < 6 ? P::kNormalScale : P::kAlbedoScale);
-    }
-  }
-
-  /// Row A of the normal matrix; its sums stay in registers.
-  template <std::size_t A>
-  static void add_row(const Neighbour (&neighbours)[kNeighbours], Equations& equations) {
-    Lanes sums[A + 1] = {};
+  /// Rows A and B of the normal matrix.
+  template <std::size_t A, std::size_t B>
+  static void add_rows(const Neighbour (&neighbours)[kNeighbours], Equations& equations) {
+    static_assert(A > B && B > 0);
+    Lanes a[A + 1] = {}, b[B + 1] = {};
     for (const Neighbour& each : neighbours) {
-      Lanes weighted = each.weight;
-      if constexpr (A > 0) weighted *= each.terms[A - 1];
-      sums[0] += weighted;
-      for (std::size_t b = 1; b <= A; ++b)
-        sums[b] = multiply_add(weighted, each.terms[b - 1], sums[b]);
+      const Lanes weighted_a = each.weight * each.terms[A - 1],
+                  weighted_b = each.weight * each.terms[B - 1];
+      a[0] += weighted_a;
+      b[0] += weighted_b;
+      for (std::size_t k = 1; k <= A; ++k) a[k] = multiply_add(weighted_a, each.terms[k - 1], a[k]);
+      for (std::size_t k = 1; k <= B; ++k) b[k] = multiply_add(weighted_b, each.terms[k - 1], b[k]);
     }
-    for (std::size_t b = 0; b <= A; ++b) equations.at(A, b) = sums[b];
-  }
-
-  template <std::size_t... kRows>
-  static void add_rows(const Neighbour (&neighbours)[kNeighbours], Equations& equations,
-                       std::index_sequence<kRows...>) {
-    (add_row<kRows>(neighbours, equations), ...);
+    for (std::size_t k = 0; k <= A; ++k) equations.at(A, k) = a[k];
+    for (std::size_t k = 0; k <= B; ++k) equations.at(B, k) = b[k];
   }
 
   /// Solves for the unit vector of the constant term by Cholesky's decomposition, with a ridge.
+  /// Column by column, because the operations of a column do not wait for each other.
   static void solve(Equations& equations) {
     const Lanes total = equations.at(0, 0), least = P::kMinPivot * total;
     for (std::size_t a = 1; a < kTerms; ++a) equations.at(a, a) += P::kRidge * total;
-    for (std::size_t a = 0; a < kTerms; ++a) {
-      for (std::size_t b = 0; b <= a; ++b) {
-        Lanes& entry = equations.at(a, b);
-        for (std::size_t k = 0; k < b; ++k) entry -= equations.at(a, k) * equations.at(b, k);
-        if (b < a) {
-          entry /= equations.at(b, b);
-          continue;
-        }
-        entry = entry > least ? entry : least;
-        for (std::size_t l = 0; l < kLanes; ++l) entry[l] = std::sqrt(entry[l]);
+    Lanes(&value)[kTerms] = equations.solution;
+    for (std::size_t a = 0; a < kTerms; ++a) value[a] = Lanes{} + (a == 0 ? 1.0f : 0.0f);
+    for (std::size_t b = 0; b < kTerms; ++b) {
+      const Lanes square = equations.at(b, b);
+      const Lanes pivot = _mm256_sqrt_ps(square > least ? square : least);
+      equations.at(b, b) = pivot;
+      value[b] /= pivot;
+      for (std::size_t a = b + 1; a < kTerms; ++a) {
+        equations.at(a, b) /= pivot;
+        value[a] -= equations.at(a, b) * value[b];
+      }
+      for (std::size_t a = b + 1; a < kTerms; ++a) {
+        for (std::size_t k = b + 1; k <= a; ++k)
+          equations.at(a, k) -= equations.at(a, b) * equations.at(k, b);
       }
     }
-    equations.solution[0] += 1;
-    for (std::size_t a = 0; a < kTerms; ++a) {
-      Lanes& value = equations.solution[a];
-      for (std::size_t b = 0; b < a; ++b) value -= equations.at(a, b) * equations.solution[b];
-      value /= equations.at(a, a);
-    }
     for (std::size_t a = kTerms; a-- > 0;) {
-      Lanes& value = equations.solution[a];
-      for (std::size_t b = a + 1; b < kTerms; ++b)
-        value -= equations.at(b, a) * equations.solution[b];
-      value /= equations.at(a, a);
+      for (std::size_t b = a + 1; b < kTerms; ++b) value[a] -= equations.at(b, a) * value[b];
+      value[a] /= equations.at(a, a);
     }
   }
 
+  /// Sums of three ratios beside each other in the last two rows.
+  struct RowSums {
+    Lanes rows[2];
+  };
+
   const Half& half_;
   const Guidance& guide_;
-  const int radius_;
-  const std::size_t begin_, count_, side_;
-  std::vector<float> patches_, ratio_;
+  const std::size_t count_;
+  std::vector<RowSums> row_sums_;  // for each kLanes pixels of a row all offsets in turn
+  std::ptrdiff_t offsets_[kOffsets];
+  const float *features_[kHalfFeatures], *streams_[kSides];
+  Lanes ratios_[kOffsets], distances_[kOffsets], weights_[kOffsets];
 };
 
 StreamPair empty_pair(std::size_t pixels) {
@@ -367,17 +378,20 @@ StreamPair empty_pair(std::size_t pixels) {
 }
 
 /// Mean of both streams, and its variance summed over the channels.
-void mean_and_noise(const StreamPair& pair, ColourPlanes& mean, Plane& noise) {
+Guide mean_and_variance(const StreamPair& pair) {
+  Guide guide;
   const std::size_t pixels = pair.a[0].size();
-  noise.assign(pixels, 0);
+  guide.variance.resize(pixels);
   for (std::size_t c = 0; c < 3; ++c) {
-    mean[c].resize(pixels);
+    guide.colour[c].resize(pixels);
+    const float *a = pair.a[c].data(), *b = pair.b[c].data();
     for (std::size_t i = 0; i < pixels; ++i) {
-      const float difference = 0.5f * (pair.a[c][i] - pair.b[c][i]);
-      mean[c][i] = 0.5f * (pair.a[c][i] + pair.b[c][i]);
-      noise[i] += difference * difference;
+      const float difference = 0.5f * (a[i] - b[i]);
+      guide.colour[c][i] = 0.5f * (a[i] + b[i]);
+      guide.variance[i] += difference * difference;
     }
   }
+  return guide;
 }
 
 }  // namespace
@@ -396,7 +410,7 @@ void prepare(const std::array<Plane, kHalfFeatures>& features_a,
       sum[i] += difference * difference;
     }
   }
-  for (Plane& plane : spread) plane = box_mean(plane, half.width, half.height, 1, 1);
+  for (Plane& plane : spread) plane = box_mean(plane, half.width, half.height, 1);
   half.albedo_weight.resize(pixels);
   half.normal_weight.resize(pixels);
   half.depth_weight.resize(pixels);
@@ -408,24 +422,20 @@ void prepare(const std::array<Plane, kHalfFeatures>& features_a,
   }
 }
 
-FilteredHalf filter_half(const Half& half) {
-  const std::size_t pixels = half.valid.size();
-  ColourPlanes mean;
-  Plane noise;
-  mean_and_noise(half.streams, mean, noise);
-  noise = box_mean(noise, half.width, half.height, 1, 1);
-  StreamPair smooth = empty_pair(pixels);
-  const Guidance raw = guidance(mean, noise, P::kGuideNoise, P::kGuideTolerance);
-  WindowFilter(half, raw, P::kGuideRadius, kGuideInset).run(smooth, nullptr);
+Guide filter_guide(const Half& half) {
+  const Guide raw = mean_and_variance(half.streams);
+  const Plane noise = box_mean(raw.variance, half.width, half.height, kRawNoiseRadius);
+  StreamPair smooth = empty_pair(half.valid.size());
+  const Guidance guide = guidance(raw.colour, noise, P::kGuideNoise, P::kGuideTolerance);
+  WindowFilter(half, guide).run(smooth, nullptr);
+  return mean_and_variance(smooth);
+}
 
-  FilteredHalf result;
-  mean_and_noise(smooth, result.guide, noise);
-  noise = box_mean(noise, half.width, half.height, 2, kNoiseInset);
-  result.zero_order = empty_pair(pixels);
-  result.first_order = empty_pair(pixels);
-  const Guidance guide = guidance(result.guide, noise, P::kFilterNoise, P::kFilterTolerance);
-  WindowFilter(half, guide, P::kFilterRadius, kFilterInset)
-      .run(result.zero_order, &result.first_order);
+Candidates filter_candidates(const Half& half, const Guide& guide) {
+  const Plane noise = box_mean(guide.variance, half.width, half.height, kGuideNoiseRadius);
+  Candidates result{empty_pair(half.valid.size()), empty_pair(half.valid.size())};
+  const Guidance guided = guidance(guide.colour, noise, P::kFilterNoise, P::kFilterTolerance);
+  WindowFilter(half, guided).run(result.zero_order, &result.first_order);
   return result;
 }
 

@@ -15,30 +15,42 @@ struct StreamPair {
   ColourPlanes a, b;
 };
 
-/// A half of the replicates around a tile: `width` by `height` pixels, row by row, colours in units
-/// of the mean luminance. Pixels beyond the frame repeat its border and are not valid.
+/// Pixels around those that are filtered; the filters read all of them.
+constexpr std::int32_t kHalfMargin = 8;
+
+/// A half of the replicates: pixels to be filtered with a border of kHalfMargin pixels, row by row,
+/// colours in units of the mean luminance. Pixels beyond the frame repeat its border and are not
+/// valid.
 struct Half {
-  std::int32_t width = 0, height = 0;  // width is a multiple of 8
+  std::int32_t width = 0, height = 0;  // with the border; width is a multiple of 8
   StreamPair streams;
   std::array<Plane, kHalfFeatures> features;         // means of both streams
   Plane albedo_weight, normal_weight, depth_weight;  // 1 / squared tolerance
   Plane valid;                                       // 1 or 0
 };
 
-/// The candidates, defined kFilterInset pixels from the border on.
-struct FilteredHalf {
-  ColourPlanes guide;
+/// Result of the first filter: the mean of both streams, and its variance summed over the channels.
+struct Guide {
+  ColourPlanes colour;
+  Plane variance;
+};
+
+/// Results of the second filter.
+struct Candidates {
   StreamPair zero_order, first_order;
 };
 
-/// Width of the border of a Half in which its candidates are not defined.
-constexpr std::int32_t kFilterInset = 16;
-
-/// Computes features and weights of a half from the features of its streams.
+/// Computes features and weights of a half from the features of its streams; weights are defined
+/// from one pixel from the border on.
 void prepare(const std::array<Plane, kHalfFeatures>& features_a,
              const std::array<Plane, kHalfFeatures>& features_b, Half& half);
 
-/// Filters a half. Vectorised; equal bit for bit to the reference.
-FilteredHalf filter_half(const Half& half);
+/// Filters a half with its own colours as the guide. Vectorised; equal bit for bit to the
+/// reference. The result has the size of the half and is defined inside the border.
+Guide filter_guide(const Half& half);
+
+/// Filters a half with `guide`, which must have the values of all pixels of the half that are at
+/// most 5 pixels beyond the frame. Otherwise as filter_guide().
+Candidates filter_candidates(const Half& half, const Guide& guide);
 
 }  // namespace tessera::image

@@ -83,25 +83,20 @@ struct Denoised {
 
 Denoised denoise(const Frame& frame, const contract::PixelRect& window, double m) {
   image::DenoiseRows rows;
-  rows.width = window.width;
-  rows.height = rows.rows = window.height;
-  rows.mean_luminance = m;
   for (std::size_t k = 0; k < frame.planes.size(); ++k) rows.planes[k] = frame.planes[k].data();
+  const contract::PixelRect all{0, 0, window.width, window.height};
+  image::Denoiser denoiser({window.width, window.height, m}, all, 1);
   Denoised result{frame.raw, {}};
-  for (std::int32_t y = 0; y < window.height; y += image::kDenoiseTile) {
-    for (std::int32_t x = 0; x < window.width; x += image::kDenoiseTile) {
-      const image::DenoisedTile tile = image::denoise_tile(rows, x, y);
-      result.sums.add(tile.sums);
-      for (std::int32_t i = 0; i < tile.width * tile.height; ++i) {
-        if (tile.is_raw[contract::as_index(i)] != 0) continue;
-        const std::int64_t column = x + i % tile.width, row = y + i / tile.width;
-        for (std::size_t c = 0; c < 3; ++c) {
-          result.image[contract::as_index(3 * (row * window.width + column)) + c] =
-              tile.rgb[c][contract::as_index(i)];
-        }
+  std::size_t to = 0;
+  while (to < result.image.size()) {
+    const image::DenoisedRows band = denoiser.next(rows);
+    for (std::size_t i = 0; i < band.is_raw.size(); ++i) {
+      for (std::size_t c = 0; c < 3; ++c, ++to) {
+        if (band.is_raw[i] == 0) result.image[to] = band.rgb[c][i];
       }
     }
   }
+  result.sums = denoiser.sums();
   return result;
 }
 

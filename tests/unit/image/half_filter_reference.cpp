@@ -40,7 +40,7 @@ class Pixels {
 };
 
 /// A colour image, its noise and how distances are weighed.
-struct Guide {
+struct Weighing {
   ColourPlanes colour;
   Plane noise;
   float per_noise = 0, per_square = 0;
@@ -58,7 +58,7 @@ struct Guide {
   }
 };
 
-float patch_distance(const Pixels& pixels, const Guide& guide, int x, int y, int dx, int dy) {
+float patch_distance(const Pixels& pixels, const Weighing& guide, int x, int y, int dx, int dy) {
   const auto row = [&](int v) {
     const auto ratio = [&](int u) {
       return guide.ratio(pixels.index(u, v), pixels.index(u + dx, v + dy));
@@ -92,12 +92,13 @@ void set(StreamPair& pair, std::size_t k, std::size_t i, float value) {
   plane[i] = value;
 }
 
-void zero_order(const Half& half, const Pixels& pixels, const Guide& guide, int radius, int x,
-                int y, StreamPair& out) {
+void zero_order(const Half& half, const Pixels& pixels, const Weighing& guide, int x, int y,
+                StreamPair& out) {
+  constexpr int kRadius = P::kWindowRadius;
   const std::size_t p = pixels.index(x, y);
   float total = 0, sums[6] = {};
-  for (int dy = -radius; dy <= radius; ++dy) {
-    for (int dx = -radius; dx <= radius; ++dx) {
+  for (int dy = -kRadius; dy <= kRadius; ++dy) {
+    for (int dx = -kRadius; dx <= kRadius; ++dx) {
       const std::size_t q = pixels.index(x + dx, y + dy);
       const float in_frame = p == q ? 1 : half.valid[q];
       const float weight = filter_weight(patch_distance(pixels, guide, x, y, dx, dy) +
@@ -134,7 +135,7 @@ void solve(float (&m)[kTerms][kTerms], float (&v)[kTerms]) {
   }
 }
 
-void first_order(const Half& half, const Pixels& pixels, const Guide& guide, int x, int y,
+void first_order(const Half& half, const Pixels& pixels, const Weighing& guide, int x, int y,
                  StreamPair& out) {
   constexpr int kRadius = P::kRegressionRadius;
   const std::size_t p = pixels.index(x, y);
@@ -177,8 +178,8 @@ void first_order(const Half& half, const Pixels& pixels, const Guide& guide, int
 }
 
 /// The mean of both streams and its variance, averaged over a box.
-Guide guide_of(const Pixels& pixels, const StreamPair& pair, int radius, int inset) {
-  Guide guide;
+Weighing weighing_of(const Pixels& pixels, const StreamPair& pair, int radius, int inset) {
+  Weighing guide;
   Plane variance(pair.a[0].size(), 0.0f);
   for (std::size_t c = 0; c < 3; ++c) {
     guide.colour[c].resize(variance.size());
@@ -199,19 +200,18 @@ Guide guide_of(const Pixels& pixels, const StreamPair& pair, int radius, int ins
 
 FilteredHalf reference_filter_half(const Half& half) {
   const Pixels pixels(half);
-  Guide raw = guide_of(pixels, half.streams, 1, 1);
+  Weighing raw = weighing_of(pixels, half.streams, 1, 1);
   raw.per_noise = P::kGuideNoise;
   raw.per_square = P::kGuideTolerance;
   StreamPair smooth = half.streams;
-  pixels.for_each(
-      7, [&](int x, int y) { zero_order(half, pixels, raw, P::kGuideRadius, x, y, smooth); });
-  Guide guide = guide_of(pixels, smooth, 2, 9);
+  pixels.for_each(7, [&](int x, int y) { zero_order(half, pixels, raw, x, y, smooth); });
+  Weighing guide = weighing_of(pixels, smooth, 2, 9);
   guide.per_noise = P::kFilterNoise;
   guide.per_square = P::kFilterTolerance;
-  FilteredHalf result{guide.colour, half.streams, half.streams};
-  pixels.for_each(kFilterInset, [&](int x, int y) {
-    zero_order(half, pixels, guide, P::kFilterRadius, x, y, result.zero_order);
-    first_order(half, pixels, guide, x, y, result.first_order);
+  FilteredHalf result{guide.colour, {half.streams, half.streams}};
+  pixels.for_each(2 * kHalfMargin, [&](int x, int y) {
+    zero_order(half, pixels, guide, x, y, result.candidates.zero_order);
+    first_order(half, pixels, guide, x, y, result.candidates.first_order);
   });
   return result;
 }

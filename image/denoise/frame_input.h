@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "contract/render_settings.h"
+#include "image/denoise/denoiser.h"
+#include "image/denoise/half_filter.h"
+
+namespace tessera::image {
+
+/// Cuts the rows of a frame that a Denoiser reads. Pixels beyond the frame repeat its border.
+class FrameInput {
+ public:
+  FrameInput(const DenoiseFrame& frame, const DenoiseRows& rows) : frame_(frame), rows_(rows) {}
+
+  /// The colours of half 0 or 1, in units of the mean luminance.
+  StreamPair streams(std::size_t half, const contract::PixelRect& part) const;
+  /// Half 0 or 1 with `part` inside its border. The width is rounded up.
+  Half half(std::size_t half, const contract::PixelRect& part) const;
+
+ private:
+  void cut(std::size_t plane, const contract::PixelRect& part, float scale, Plane& out) const;
+
+  const DenoiseFrame& frame_;
+  const DenoiseRows& rows_;
+};
+
+}  // namespace tessera::image

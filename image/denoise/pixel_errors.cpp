@@ -1,0 +1,107 @@
+#include "image/denoise/pixel_errors.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include "image/denoise/filter_parameters.h"
+
+namespace tessera::image {
+namespace {
+
+constexpr std::size_t kLanes = 4, kSide = 2 * kBlurMargin + 1;
+
+/// kLanes neighbouring values of a row.
+using Doubles = double __attribute__((vector_size(kLanes * sizeof(double))));
+
+Doubles load_doubles(const double* from) {
+  Doubles doubles;
+  std::memcpy(&doubles, from, sizeof doubles);
+  return doubles;
+}
+
+/// The scales of the pixels' relative errors in one channel: their values, but at most the means
+/// around them, so that a bright outlier is not measured against itself.
+class ReferenceValues {
+ public:
+  ReferenceValues(const BlendedHalf& first, const BlendedHalf& second, std::size_t channel)
+      : width_(static_cast<std::size_t>(first.width)) {
+    const Plane &a = first.colour[channel], &b = second.colour[channel];
+    values_.resize(a.size() + kLanes);  // vectors may begin with any value that is needed
+    for (std::size_t i = 0; i < a.size(); ++i)
+      values_[i] = std::fabs(0.5 * (static_cast<double>(a[i]) + b[i]));
+    means_.resize(width_ + kLanes);
+  }
+
+  /// Finds the means of the pixels inside the margin of a row; the first pixel of the row has
+  /// index `begin`.
+  void use_row(std::size_t begin) {
+    const double* top = values_.data() + begin - kBlurMargin * width_ - kBlurMargin;
+    for (std::size_t x = kBlurMargin; x < width_ - kBlurMargin; x += kLanes) {
+      Doubles sum = {};
+      for (std::size_t row = 0; row < kSide; ++row) {
+        for (std::size_t column = 0; column < kSide; ++column)
+          sum += load_doubles(top + row * width_ + x + column);
+      }
+      sum /= static_cast<double>(kSide * kSide);
+      std::memcpy(&means_[x], &sum, sizeof sum);
+    }
+    row_ = values_.data() + begin;
+  }
+
+  double at(std::size_t x) const { return std::min(row_[x], means_[x]); }
+
+ private:
+  std::size_t width_;
+  std::vector<double> values_, means_;
+  const double* row_ = nullptr;
+};
+
+/// Adds the estimated error of pixel `i`.
+void add_error(const BlendedHalf& half0, const BlendedHalf& half1, std::size_t i,
+               const std::array<double, 3>& references, DenoiseSums& sums) {
+  double scaled = 0, first = 0, second = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const double reference = references[c];
+    const double scale =
+        1 / (reference * reference + static_cast<double>(FilterParameters::kErrorFloor));
+    const double d0 = half0.colour[c][i], d1 = half1.colour[c][i];
+    const StreamPair &own = half0.raw, &other = half1.raw;
+    const double t0 = (d0 - other.a[c][i]) * (d0 - other.b[c][i]) * scale;
+    const double t1 = (d1 - own.a[c][i]) * (d1 - own.b[c][i]) * scale;
+    first += t0;
+    second += t1;
+    scaled += 0.5 * (t0 + t1) - 0.25 * ((d0 - d1) * (d0 - d1)) * scale;
+  }
+  const double magnitude = std::fabs(0.5 * (first + second));
+  ++sums.pixels;
+  sums.scaled += scaled;
+  sums.spread += 0.5 * (first * first + second * second);
+  sums.magnitude += magnitude;
+  sums.magnitude_squares += magnitude * magnitude;
+}
+
+}  // namespace
+
+void add_errors(const BlendedHalf& first, const BlendedHalf& second, DenoiseSums& sums) {
+  std::array<ReferenceValues, 3> references = {ReferenceValues(first, second, 0),
+                                               ReferenceValues(first, second, 1),
+                                               ReferenceValues(first, second, 2)};
+  const auto width = static_cast<std::size_t>(first.width),
+             height = static_cast<std::size_t>(first.height);
+  for (std::size_t row = kBlurMargin; row < height - kBlurMargin; ++row) {
+    for (ReferenceValues& channel : references) channel.use_row(row * width);
+    for (std::size_t x = kBlurMargin; x < width - kBlurMargin; ++x) {
+      add_error(first, second, row * width + x,
+                {references[0].at(x), references[1].at(x), references[2].at(x)}, sums);
+    }
+  }
+  for (std::size_t k = 0; k < first.is_raw_cell.size(); ++k) {
+    ++sums.cells;
+    sums.raw_cells += first.is_raw_cell[k] != 0 && second.is_raw_cell[k] != 0 ? 1 : 0;
+  }
+}
+
+}  // namespace tessera::image
