@@ -12,8 +12,9 @@ static_assert(4 * kStreamPlanes == kDenoiseInputs);
 /// A colour beyond this, in units of the mean luminance, would overflow when it is squared.
 constexpr float kLargestColour = 1e15f;
 
-float limited(float value) {
-  return std::clamp(value, -kLargestColour, kLargestColour);
+float limited(float value) {  // GCC does not make vectors of std::clamp
+  const float least = value < -kLargestColour ? -kLargestColour : value;
+  return kLargestColour < least ? kLargestColour : least;
 }
 
 std::size_t pixel_count(const contract::PixelRect& part) {

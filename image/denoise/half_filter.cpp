@@ -2,8 +2,10 @@
 
 #include <immintrin.h>
 
+#include <algorithm>
 #include <cstring>
 #include <initializer_list>
+#include <memory>
 #include <utility>
 
 #include "image/denoise/filter_parameters.h"
@@ -38,6 +40,18 @@ Lanes multiply_add(Lanes a, Lanes b, Lanes c) {
   return _mm256_fmadd_ps(a, b, c);
 }
 
+Lanes at_least_0(Lanes lanes) {
+  return _mm256_max_ps(lanes, Lanes{});
+}
+
+/// filter_weight(), whose product is exact, so that one rounding fewer gives the same bits.
+Lanes weight_of(Lanes distance) {
+  Lanes t = at_least_0(_mm256_fnmadd_ps(distance, Lanes{} + 0.125f, Lanes{} + 1));
+  t *= t;
+  t *= t;
+  return t * t;
+}
+
 /// Lanes kShift to kShift + 7 of the sixteen of `first` and `second`; kShift is 1 or 2.
 template <int kShift>
 Lanes shifted(Lanes first, Lanes second) {
@@ -49,25 +63,16 @@ std::size_t size_of(std::int32_t value) {
   return static_cast<std::size_t>(value);
 }
 
-/// Inputs of the distance between patches: colours, their noise, and the tolerance of each pixel.
-struct Guidance {
-  std::array<const float*, 3> colour{};
-  const float* noise = nullptr;
-  Plane tolerance;
-};
-
-Guidance guidance(const ColourPlanes& colour, const Plane& noise, float per_noise,
-                  float per_square) {
-  Guidance guide;
-  for (std::size_t c = 0; c < 3; ++c) guide.colour[c] = colour[c].data();
-  guide.noise = noise.data();
-  guide.tolerance.resize(noise.size());
+/// Tolerances of the squared difference of two colours, for each pixel.
+Plane tolerances(const ColourPlanes& colour, const Plane& noise, float per_noise,
+                 float per_square) {
+  Plane tolerance(noise.size());
   for (std::size_t i = 0; i < noise.size(); ++i) {
     const float square =
         (colour[0][i] * colour[0][i] + colour[1][i] * colour[1][i]) + colour[2][i] * colour[2][i];
-    guide.tolerance[i] = (per_noise * noise[i] + per_square * square) + P::kMinSquare;
+    tolerance[i] = (per_noise * noise[i] + per_square * square) + P::kMinSquare;
   }
-  return guide;
+  return tolerance;
 }
 
 /// Adds up (2 radius + 1)² neighbours, row by row, and divides by their number. Defined `radius`
@@ -89,23 +94,61 @@ Plane box_mean(const Plane& in, std::int32_t width, std::int32_t height, std::in
   return out;
 }
 
+/// What a WindowFilter reads of a half. A row of each plane follows that of the plane before, at a
+/// distance that the compiler knows: one register addresses all planes.
+class PlaneRows {
+ public:
+  static constexpr std::size_t kColour = 0, kNoise = 3, kTolerance = 4, kFeatures = 5,
+                               kStreams = 13, kValid = 19, kPlanes = 20;
+  static constexpr std::size_t kStride = kMaxHalfWidth, kRow = kPlanes * kStride;
+
+  PlaneRows(const Half& half, const ColourPlanes& guide, const Plane& noise, const Plane& tolerance)
+      : width_(size_of(half.width)),
+        values_(std::make_unique_for_overwrite<float[]>(size_of(half.height) * kRow)) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      add(guide[c], kColour + c);
+      add(half.streams.a[c], kStreams + c);
+      add(half.streams.b[c], kStreams + 3 + c);
+    }
+    add(noise, kNoise);
+    add(tolerance, kTolerance);
+    for (std::size_t k = 0; k < kHalfFeatures; ++k) add(half.features[k], kFeatures + k);
+    add(half.valid, kValid);
+  }
+
+  /// The values of pixel (x, y); that of plane k is kStride · k further.
+  const float* at(std::int32_t y, std::size_t x) const {
+    return values_.get() + size_of(y) * kRow + x;
+  }
+
+ private:
+  void add(const Plane& plane, std::size_t k) {
+    float* to = values_.get() + k * kStride;
+    for (std::size_t i = 0; i < plane.size(); i += width_, to += kRow)
+      std::fill(std::copy_n(plane.data() + i, width_, to), to + kStride, 0.0f);
+  }
+
+  std::size_t width_;
+  std::unique_ptr<float[]> values_;
+};
+
+/// kLanes pixels of plane k, from the one on whose values begin at `pixel`.
+Lanes load_plane(const float* pixel, std::size_t k) {
+  return load_lanes(pixel + k * PlaneRows::kStride);
+}
+
 /// Filters the pixels of a half with windows of kSide x kSide pixels, kLanes pixels at a time.
 class WindowFilter {
  public:
-  WindowFilter(const Half& half, const Guidance& guide)
+  WindowFilter(const Half& half, const PlaneRows& planes)
       : half_(half),
-        guide_(guide),
+        planes_(planes),
         count_(size_of(half.width - 2 * kHalfMargin)),
         row_sums_(kOffsets * (count_ / kLanes)) {
     std::size_t to = 0;
     for (int dy = -P::kWindowRadius; dy <= P::kWindowRadius; ++dy) {
       for (int dx = -P::kWindowRadius; dx <= P::kWindowRadius; ++dx)
-        offsets_[to++] = std::ptrdiff_t{dy} * half.width + dx;
-    }
-    for (std::size_t k = 0; k < kHalfFeatures; ++k) features_[k] = half.features[k].data();
-    for (std::size_t c = 0; c < 3; ++c) {
-      streams_[c] = half.streams.a[c].data();
-      streams_[3 + c] = half.streams.b[c].data();
+        offsets_[to++] = std::ptrdiff_t{dy} * static_cast<std::ptrdiff_t>(PlaneRows::kRow) + dx;
     }
   }
 
@@ -113,39 +156,36 @@ class WindowFilter {
   void run(StreamPair& zero_order, StreamPair* first_order) {
     for (std::int32_t y = kHalfMargin - kPatch; y < half_.height - kHalfMargin + kPatch; ++y) {
       start_row(y);
-      for (std::size_t x = 0; x < count_; x += kLanes) {
+      for (std::size_t x = kHalfMargin; x < kHalfMargin + count_; x += kLanes) {
         add_patches(y, x);
         if (y < kHalfMargin + kPatch) continue;
-        const std::ptrdiff_t p = position(y - kPatch, x);
-        const bool all_valid = window_is_valid(p);
-        all_valid ? find_weights<true>(p) : find_weights<false>(p);
-        average(p, zero_order);
-        if (first_order != nullptr) regress(p, *first_order);
+        const float* p = planes_.at(y - kPatch, x);
+        const std::size_t to = size_of(y - kPatch) * size_of(half_.width) + x;
+        window_is_valid(p) ? find_weights<true>(p, to) : find_weights<false>(p, to);
+        average(p, to, zero_order);
+        if (first_order != nullptr) regress(p, to, *first_order);
       }
     }
   }
 
  private:
-  /// Index of a pixel of a row, counted from the first one inside the border.
-  std::ptrdiff_t position(std::int32_t y, std::size_t x) const {
-    return static_cast<std::ptrdiff_t>(size_of(y) * size_of(half_.width) + kHalfMargin + x);
-  }
+  using Rows = PlaneRows;
 
   /// What the distance between patches needs of kLanes pixels.
   struct GuidePixels {
     Lanes colour[3], noise, tolerance;
   };
 
-  GuidePixels guide_at(std::ptrdiff_t p) const {
+  static GuidePixels guide_at(const float* p) {
     GuidePixels at;
-    for (std::size_t c = 0; c < 3; ++c) at.colour[c] = load_lanes(guide_.colour[c] + p);
-    at.noise = load_lanes(guide_.noise + p);
-    at.tolerance = load_lanes(guide_.tolerance.data() + p);
+    for (std::size_t c = 0; c < 3; ++c) at.colour[c] = load_plane(p, Rows::kColour + c);
+    at.noise = load_plane(p, Rows::kNoise);
+    at.tolerance = load_plane(p, Rows::kTolerance);
     return at;
   }
 
   /// Squared difference of colours beyond what noise explains, relative to the tolerance.
-  Lanes ratio(const GuidePixels& at, std::ptrdiff_t q) const {
+  static Lanes ratio(const GuidePixels& at, const float* q) {
     const GuidePixels other = guide_at(q);
     Lanes squares[3];
     for (std::size_t c = 0; c < 3; ++c) {
@@ -158,7 +198,7 @@ class WindowFilter {
 
   /// Ratios of the kLanes pixels that begin one pixel before the first of a row.
   void start_row(std::int32_t y) {
-    const std::ptrdiff_t p = position(y, 0) - kPatch;
+    const float* p = planes_.at(y, kHalfMargin - kPatch);
     const GuidePixels at = guide_at(p);
     for (std::size_t o = 0; o < kOffsets; ++o) ratios_[o] = ratio(at, p + offsets_[o]);
   }
@@ -166,9 +206,9 @@ class WindowFilter {
   /// Adds row y to the patches around kLanes pixels of the row above, which completes them: finds
   /// the mean distances of their colours to those of the neighbours.
   void add_patches(std::int32_t y, std::size_t x) {
-    const std::ptrdiff_t p = position(y, x) - kPatch + kLanes;
+    const float* p = planes_.at(y, x - kPatch + kLanes);
     const GuidePixels at = guide_at(p);
-    RowSums* sums = &row_sums_[x / kLanes * kOffsets];
+    RowSums* sums = &row_sums_[(x - kHalfMargin) / kLanes * kOffsets];
     const std::size_t slot = size_of(y) % 2;
     for (std::size_t o = 0; o < kOffsets; ++o) {
       const Lanes first = ratios_[o], next = ratio(at, p + offsets_[o]);
@@ -176,44 +216,43 @@ class WindowFilter {
       ratios_[o] = next;
       Lanes(&rows)[2] = sums[o].rows;  // rows[slot] is the row two above
       const Lanes mean = ((rows[slot] + rows[1 - slot]) + sum) * (1.0f / 9);
-      distances_[o] = mean > 0 ? mean : Lanes{};
+      distances_[o] = at_least_0(mean);
       rows[slot] = sum;
     }
   }
 
   /// Whether all pixels in the windows of kLanes pixels are in the frame.
-  bool window_is_valid(std::ptrdiff_t p) const {
-    constexpr int kRadius = P::kWindowRadius;
+  bool window_is_valid(const float* p) const {
     Lanes least = Lanes{} + 1;
-    for (int dy = -kRadius; dy <= kRadius; ++dy) {
-      const float* row = half_.valid.data() + p + std::ptrdiff_t{dy} * half_.width;
-      for (const int dx : {-kRadius, 0, kRadius}) {
-        const Lanes valid = load_lanes(row + dx);
+    for (std::size_t row = 0; row < kSide; ++row) {
+      for (const std::size_t column : {std::size_t{0}, kSide / 2, kSide - 1}) {
+        const Lanes valid = load_plane(p + offsets_[row * kSide + column], Rows::kValid);
         least = valid < least ? valid : least;
       }
     }
-    return _mm256_movemask_ps(least < 1) == 0;
+    return _mm256_movemask_ps(_mm256_cmp_ps(least, Lanes{} + 1, _CMP_LT_OQ)) == 0;
   }
 
   /// Share of a neighbour's weight that counts: 0 outside the frame; the pixel itself has weight 1.
-  Lanes in_frame(std::ptrdiff_t p, std::ptrdiff_t q) const {
-    return q == p ? Lanes{} + 1 : load_lanes(half_.valid.data() + q);
+  Lanes in_frame(const float* p, std::size_t o) const {
+    return o == kOffsets / 2 ? Lanes{} + 1 : load_plane(p + offsets_[o], Rows::kValid);
   }
 
-  /// Weights of all neighbours of kLanes pixels, by colour and features.
+  /// Weights of all neighbours of kLanes pixels, by colour and features. The pixels have index `i`
+  /// in the planes of the half.
   template <bool kAllValid>
-  void find_weights(std::ptrdiff_t p) {
+  void find_weights(const float* p, std::size_t i) {
     Lanes at[kHalfFeatures];
-    for (std::size_t k = 0; k < kHalfFeatures; ++k) at[k] = load_lanes(features_[k] + p);
-    const Lanes albedo_weight = load_lanes(half_.albedo_weight.data() + p),
-                normal_weight = load_lanes(half_.normal_weight.data() + p),
-                depth_weight = load_lanes(half_.depth_weight.data() + p);
+    for (std::size_t k = 0; k < kHalfFeatures; ++k) at[k] = load_plane(p, Rows::kFeatures + k);
+    const Lanes albedo_weight = load_lanes(half_.albedo_weight.data() + i),
+                normal_weight = load_lanes(half_.normal_weight.data() + i),
+                depth_weight = load_lanes(half_.depth_weight.data() + i);
     for (std::size_t o = 0; o < kOffsets; ++o) {
-      const std::ptrdiff_t q = p + offsets_[o];
+      const float* q = p + offsets_[o];
       const auto squares = [&](std::initializer_list<std::size_t> features) {
         Lanes sum = {};
         for (const std::size_t k : features) {
-          const Lanes difference = at[k] - load_lanes(features_[k] + q);
+          const Lanes difference = at[k] - load_plane(q, Rows::kFeatures + k);
           sum = multiply_add(difference, difference, sum);
         }
         return sum;
@@ -221,29 +260,29 @@ class WindowFilter {
       const Lanes depth = squares({6}) * depth_weight;
       const Lanes normal = multiply_add(squares({3, 4, 5}), normal_weight, depth);
       const Lanes features = multiply_add(squares({0, 1, 2, 7}), albedo_weight, normal);
-      const Lanes weight = filter_weight(distances_[o] + features);
-      weights_[o] = kAllValid ? weight : weight * in_frame(p, q);
+      const Lanes weight = weight_of(distances_[o] + features);
+      weights_[o] = kAllValid ? weight : weight * in_frame(p, o);
     }
   }
 
   /// Weighted means of the streams in the windows of kLanes pixels.
-  void average(std::ptrdiff_t p, StreamPair& out) const {
+  void average(const float* p, std::size_t to, StreamPair& out) const {
     Lanes total = {}, sums[kSides] = {};
     for (std::size_t o = 0; o < kOffsets; ++o) {
-      const std::ptrdiff_t q = p + offsets_[o];
+      const float* q = p + offsets_[o];
       const Lanes weight = weights_[o];
       total += weight;
       for (std::size_t k = 0; k < kSides; ++k)
-        sums[k] = multiply_add(weight, load_lanes(streams_[k] + q), sums[k]);
+        sums[k] = multiply_add(weight, load_plane(q, Rows::kStreams + k), sums[k]);
     }
     for (std::size_t k = 0; k < kSides; ++k) sums[k] /= total;
-    store(sums, p, out);
+    store(sums, to, out);
   }
 
-  static void store(const Lanes (&values)[kSides], std::ptrdiff_t p, StreamPair& out) {
+  static void store(const Lanes (&values)[kSides], std::size_t to, StreamPair& out) {
     for (std::size_t c = 0; c < 3; ++c) {
-      store_lanes(values[c], out.a[c].data() + p);
-      store_lanes(values[3 + c], out.b[c].data() + p);
+      store_lanes(values[c], out.a[c].data() + to);
+      store_lanes(values[3 + c], out.b[c].data() + to);
     }
   }
 
@@ -257,37 +296,36 @@ class WindowFilter {
   /// A neighbour that the regression is fitted to: its weight by colour alone, and the scaled
   /// differences of the features, without term 0, which is 1.
   struct Neighbour {
-    std::ptrdiff_t position;
+    const float* pixel;
     Lanes weight, terms[kHalfFeatures];
   };
   static constexpr std::size_t kRegressionSide = 2 * P::kRegressionRadius + 1;
   static constexpr std::size_t kNeighbours = kRegressionSide * kRegressionSide;
 
-  void find_neighbours(std::ptrdiff_t p, Neighbour (&neighbours)[kNeighbours]) const {
+  void find_neighbours(const float* p, Neighbour (&neighbours)[kNeighbours]) const {
     constexpr std::size_t kFirst = P::kWindowRadius - P::kRegressionRadius;
-    const Lanes depth = load_lanes(features_[6] + p);
+    const Lanes depth = load_plane(p, Rows::kFeatures + 6);
     const Lanes depth_scale = depth > 0 ? P::kDepthScale / depth : Lanes{};
     Neighbour* to = neighbours;
     for (std::size_t row = kFirst; row < kFirst + kRegressionSide; ++row) {
-      for (std::size_t column = kFirst; column < kFirst + kRegressionSide; ++column) {
+      for (std::size_t column = kFirst; column < kFirst + kRegressionSide; ++column, ++to) {
         const std::size_t o = row * kSide + column;
-        const std::ptrdiff_t q = p + offsets_[o];
-        to->position = q;
-        to->weight = filter_weight(distances_[o]) * in_frame(p, q);
+        to->pixel = p + offsets_[o];
+        to->weight = weight_of(distances_[o]) * in_frame(p, o);
         for (std::size_t k = 0; k < kHalfFeatures; ++k) {
-          const Lanes difference = load_lanes(features_[k] + q) - load_lanes(features_[k] + p);
+          const std::size_t plane = Rows::kFeatures + k;
+          const Lanes difference = load_plane(to->pixel, plane) - load_plane(p, plane);
           to->terms[k] = k == 6
                              ? difference * depth_scale
                              : difference * (k >= 3 && k < 6 ? P::kNormalScale : P::kAlbedoScale);
         }
-        ++to;
       }
     }
   }
 
   /// The regression's value at a pixel is linear in the neighbours' colours: their factors are
   /// weight · solution · terms.
-  void regress(std::ptrdiff_t p, StreamPair& out) const {
+  void regress(const float* p, std::size_t to, StreamPair& out) const {
     Equations equations;
     Neighbour neighbours[kNeighbours];
     find_neighbours(p, neighbours);
@@ -307,9 +345,9 @@ class WindowFilter {
         factor = multiply_add(equations.solution[a], each.terms[a - 1], factor);
       factor *= each.weight;
       for (std::size_t k = 0; k < kSides; ++k)
-        sums[k] = multiply_add(factor, load_lanes(streams_[k] + each.position), sums[k]);
+        sums[k] = multiply_add(factor, load_plane(each.pixel, Rows::kStreams + k), sums[k]);
     }
-    store(sums, p, out);
+    store(sums, to, out);
   }
 
   /// Rows A and B of the normal matrix.
@@ -362,11 +400,10 @@ class WindowFilter {
   };
 
   const Half& half_;
-  const Guidance& guide_;
+  const PlaneRows& planes_;
   const std::size_t count_;
   std::vector<RowSums> row_sums_;  // for each kLanes pixels of a row all offsets in turn
   std::ptrdiff_t offsets_[kOffsets];
-  const float *features_[kHalfFeatures], *streams_[kSides];
   Lanes ratios_[kOffsets], distances_[kOffsets], weights_[kOffsets];
 };
 
@@ -425,17 +462,19 @@ void prepare(const std::array<Plane, kHalfFeatures>& features_a,
 Guide filter_guide(const Half& half) {
   const Guide raw = mean_and_variance(half.streams);
   const Plane noise = box_mean(raw.variance, half.width, half.height, kRawNoiseRadius);
+  const PlaneRows planes(half, raw.colour, noise,
+                         tolerances(raw.colour, noise, P::kGuideNoise, P::kGuideTolerance));
   StreamPair smooth = empty_pair(half.valid.size());
-  const Guidance guide = guidance(raw.colour, noise, P::kGuideNoise, P::kGuideTolerance);
-  WindowFilter(half, guide).run(smooth, nullptr);
+  WindowFilter(half, planes).run(smooth, nullptr);
   return mean_and_variance(smooth);
 }
 
 Candidates filter_candidates(const Half& half, const Guide& guide) {
   const Plane noise = box_mean(guide.variance, half.width, half.height, kGuideNoiseRadius);
+  const PlaneRows planes(half, guide.colour, noise,
+                         tolerances(guide.colour, noise, P::kFilterNoise, P::kFilterTolerance));
   Candidates result{empty_pair(half.valid.size()), empty_pair(half.valid.size())};
-  const Guidance guided = guidance(guide.colour, noise, P::kFilterNoise, P::kFilterTolerance);
-  WindowFilter(half, guided).run(result.zero_order, &result.first_order);
+  WindowFilter(half, planes).run(result.zero_order, &result.first_order);
   return result;
 }
 

@@ -17,6 +17,8 @@ struct StreamPair {
 
 /// Pixels around those that are filtered; the filters read all of them.
 constexpr std::int32_t kHalfMargin = 8;
+/// Width of a half with this border, at most.
+constexpr std::int32_t kMaxHalfWidth = 184;
 
 /// A half of the replicates: pixels to be filtered with a border of kHalfMargin pixels, row by row,
 /// colours in units of the mean luminance. Pixels beyond the frame repeat its border and are not
