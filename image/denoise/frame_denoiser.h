@@ -13,7 +13,7 @@ namespace tessera::image {
 
 /// Denoises a frame that arrives in bands of rows: replaces the channels of layers.h by the raw
 /// image, its variance, albedo and normal, and R, G, B by the denoised image. Other channels pass
-/// unchanged. Memory is that of about 250 rows of all channels, whatever the frame's height.
+/// unchanged. Memory is that of about 200 rows of all channels, whatever the frame's height.
 class FrameDenoiser {
  public:
   /// Writes the next rows of the output, whose planes are as planes().
