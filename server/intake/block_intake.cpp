@@ -253,7 +253,7 @@ void BlockIntake::check_group(Group& group) {
 void BlockIntake::answer_group(Group& group, const absl::Status& status) {
   if (!group.is_checked) check_group(group);  // the transaction did not begin
   farm_.metrics().commit_seconds.Observe(seconds(farm_.now() - group.started));
-  budget_.give_back(group.bytes);  // takes again what waits for the film thread
+  budget_.give_back(group.bytes);  // takes again what waits for a film thread
   FarmChange change(farm_);
   forget_committing(group);
   for (auto& [job_id, of_job] : group.jobs) {
@@ -324,7 +324,7 @@ void BlockIntake::note_committed(FarmChange& change, Job& job, const UnitRecord&
   }
   acknowledge(change, block.worker_id, block.header, AckStatus::committed, "");
   FilmUpdate update{job.spec->id, record.unit, std::nullopt, nullptr};
-  // If the film thread lags behind, it reads the block back later; commits do not wait.
+  // If the film threads lag behind, they read the block back later; commits do not wait.
   if (budget_.used_bytes() < budget_.limit_bytes() / 2) {
     update.block = std::move(block.block);
     update.memory = budget_.hold(block.header.size_bytes);
