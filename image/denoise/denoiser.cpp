@@ -120,7 +120,7 @@ class Denoiser::State {
     for (std::size_t row = 0; row < rows; ++row) {
       std::size_t i = (row + kBlurMargin) * width + kBlurMargin;
       std::size_t to = row * static_cast<std::size_t>(window_.width) + left;
-      for (std::size_t x = 0; x < width - 2 * kBlurMargin; ++x, ++i, ++to) {
+      for (std::size_t x = 0; x < width - 2 * std::size_t{kBlurMargin}; ++x, ++i, ++to) {
         for (std::size_t c = 0; c < 3; ++c)
           result.rgb[c][to] = 0.5f * (first.colour[c][i] + second.colour[c][i]) * scale;
         result.is_raw[to] = first.is_raw[i] & second.is_raw[i];

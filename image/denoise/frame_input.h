@@ -17,7 +17,7 @@ class FrameInput {
   /// The colours of half 0 or 1, in units of the mean luminance.
   StreamPair streams(std::size_t half, const contract::PixelRect& part) const;
   /// Half 0 or 1 with `part` inside its border. The width is rounded up.
-  Half half(std::size_t half, const contract::PixelRect& part) const;
+  Half half(std::size_t index, const contract::PixelRect& part) const;
 
  private:
   void cut(std::size_t plane, const contract::PixelRect& part, float scale, Plane& out) const;

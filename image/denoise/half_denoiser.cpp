@@ -34,7 +34,8 @@ Plane cut(const Rows& from, std::int32_t left, const PixelRect& part) {
 
 /// Index in a half of the first pixel of a row inside the border.
 std::size_t inside(const Half& half, std::int32_t row) {
-  return static_cast<std::size_t>((row + kHalfMargin) * half.width + kHalfMargin);
+  return static_cast<std::size_t>(row + kHalfMargin) * static_cast<std::size_t>(half.width) +
+         static_cast<std::size_t>(kHalfMargin);
 }
 
 /// Shares of the four cells around a pixel of the window: bilinear between their centres.
