@@ -94,8 +94,8 @@ Plane box_mean(const Plane& in, std::int32_t width, std::int32_t height, std::in
   return out;
 }
 
-/// What a WindowFilter reads of a half. A row of each plane follows that of the plane before, at a
-/// distance that the compiler knows: one register addresses all planes.
+/// The input planes of a WindowFilter, interleaved row by row: row y of plane 0, row y of plane 1,
+/// and so on. The distance between planes is a constant, so one register addresses all of them.
 class PlaneRows {
  public:
   static constexpr std::size_t kColour = 0, kNoise = 3, kTolerance = 4, kFeatures = 5,
@@ -171,7 +171,7 @@ class WindowFilter {
  private:
   using Rows = PlaneRows;
 
-  /// What the distance between patches needs of kLanes pixels.
+  /// Guide colour, noise and tolerance of kLanes neighbouring pixels.
   struct GuidePixels {
     Lanes colour[3], noise, tolerance;
   };

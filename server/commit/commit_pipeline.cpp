@@ -92,10 +92,10 @@ void CommitPipeline::write_together(std::deque<Task>& tasks, EventLog::Pending e
 
 /// Makes events visible after the answers before it, which change the state that they tell of.
 CommitPipeline::Outcome CommitPipeline::publishing(std::vector<Event> events) {
-  const auto publish = [this, told = std::move(events)](const absl::Status& /*status*/) {
-    if (!told.empty()) farm_.events().publish(told);
+  auto publish = [this, told = std::move(events)](const absl::Status& /*status*/) mutable {
+    farm_.events().publish(std::move(told));
   };
-  return {publish, {}};
+  return {std::move(publish), {}};
 }
 
 /// Hands outcomes to the answering thread. If that still has those of the round before, the writer

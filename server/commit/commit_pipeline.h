@@ -70,7 +70,7 @@ class CommitPipeline final : public EffectHandler {
     Answer done;
     std::function<void()> apart;
   };
-  /// What a write reports, and to whom.
+  /// The status of a write, and the answer that receives it.
   struct Outcome {
     Answer done;
     absl::Status status;

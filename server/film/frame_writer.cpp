@@ -431,7 +431,7 @@ std::int64_t raw_frame_bytes(const RenderSettings& settings) {
 }
 
 std::int64_t write_memory_bytes(const RenderSettings& settings) {
-  constexpr std::int64_t kDenoiserRows = 250;  // FrameDenoiser
+  constexpr std::int64_t kDenoiserRows = 200;  // FrameDenoiser
   const PixelRect window = settings.window();
   const std::int64_t rows =
       std::min(settings.tile, window.height) + (settings.denoise ? kDenoiserRows : 0);

@@ -46,7 +46,7 @@ void FrameImages::fetch_frame(const FrameQuery& query, OnFile done) {
                          [this, query, done = std::move(done)] { start(query, done); });
 }
 
-/// Answers, in a task of its own if that needs memory.
+/// Checks the query, then answers it in the frame's next task, whose memory is known now.
 void FrameImages::start(const FrameQuery& query, const OnFile& done) {
   const auto source = find_source(query);
   if (!source.ok()) return done(source.status());

@@ -29,7 +29,7 @@ class FrameImages {
   void fetch_frame(const FrameQuery& query, OnFile done);
 
  private:
-  /// What a query needs.
+  /// The job of a query and, if it is finished, the frame.
   struct Source {
     std::shared_ptr<const JobSpec> spec;
     std::optional<FrameRecord> finished;
