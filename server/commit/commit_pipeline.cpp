@@ -127,9 +127,23 @@ bool CommitPipeline::give_answers() {
   {
     const MutexLock lock(mutex_);
     std::swap(outcomes, outcomes_);
+    is_answering_ = true;
   }
   for (const Outcome& outcome : outcomes) outcome.done(outcome.status);
+  const MutexLock lock(mutex_);
+  is_answering_ = false;
   return !outcomes.empty();
+}
+
+void CommitPipeline::after_answers(std::function<void()> act) {
+  {
+    const MutexLock lock(mutex_);
+    if (is_answering_ || !outcomes_.empty()) {
+      outcomes_.push_back({[act = std::move(act)](const absl::Status& /*status*/) { act(); }, {}});
+      return answer_wakeup_.notify_all();
+    }
+  }
+  act();
 }
 
 /// Writes the events, and those of tell(), as a part of the open transaction.

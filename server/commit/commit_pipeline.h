@@ -37,6 +37,9 @@ class CommitPipeline final : public EffectHandler {
   /// Body of the answering thread: gives the answers of what has been written; if `wait`, first
   /// waits until there are some. Returns whether it gave any.
   bool answer(bool wait) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Runs `act` once the events of all answers given so far are visible: at once, or, during a
+  /// round of answers, after them on their thread. It must not block.
+  void after_answers(std::function<void()> act) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Ends waiting rounds. Further rounds without waiting still write what is queued.
   void stop() ABSL_LOCKS_EXCLUDED(mutex_);
   bool is_stopping() const ABSL_LOCKS_EXCLUDED(mutex_);
@@ -113,8 +116,9 @@ class CommitPipeline final : public EffectHandler {
   ConditionVariable wakeup_, answer_wakeup_;
   Round next_ ABSL_GUARDED_BY(mutex_);
   std::deque<Outcome> outcomes_ ABSL_GUARDED_BY(mutex_);  // not answered yet
-  std::set<JobKey> unwritten_ ABSL_GUARDED_BY(mutex_);    // rows that could not be written
-  bool retry_ ABSL_GUARDED_BY(mutex_) = false;            // the unwritten rows
+  bool is_answering_ ABSL_GUARDED_BY(mutex_) = false;
+  std::set<JobKey> unwritten_ ABSL_GUARDED_BY(mutex_);  // rows that could not be written
+  bool retry_ ABSL_GUARDED_BY(mutex_) = false;          // the unwritten rows
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
 };
 

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <utility>
 
 #include "absl/status/statusor.h"
 #include "server/assets/asset_catalog.h"
@@ -55,8 +57,10 @@ class Coordinator {
   Budgets& budgets() { return budgets_; }
   FrameImages& images() { return images_; }
   const FarmQueries& queries() const { return queries_; }
-  /// Recent events.
+  /// Recent events. An event becomes visible just after the answer to the call that caused it.
   const EventLog& events() { return farm_.events(); }
+  /// Runs `act`, which must not block, once the events of all calls answered so far are visible.
+  void after_answers(std::function<void()> act) { pipeline_.after_answers(std::move(act)); }
   FarmMetrics& metrics() { return farm_.metrics(); }
   const ClientQuotas& quotas() const { return farm_.options().client_quotas; }
   /// Signs of life of the threads.

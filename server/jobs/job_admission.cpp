@@ -79,17 +79,25 @@ void JobAdmission::create_job(JobSpec spec, OnCreated done, std::string visible_
   const auto request = std::make_shared<Request>(
       Request{std::move(spec), {}, store_bytes, std::move(visible_owner)});
   pipeline_.post_write(
-      [this, request] {
-        absl::Status status = check_room(*request);
-        if (status.ok()) status = add_row(*request);
-        if (!status.ok()) return status;
-        const MutexLock lock(mutex_);
-        written_.push_back(request);
-        return status;
-      },
+      [this, request] { return write(request); },
       [this, request, done = std::move(done)](const absl::Status& status) {
         done(answer(request, status));
       });
+}
+
+/// Writes the job's row. On a full disk the transaction may be tried twice, so this forgets the
+/// request of the first attempt.
+absl::Status JobAdmission::write(const std::shared_ptr<Request>& request) {
+  {
+    const MutexLock lock(mutex_);
+    std::erase(written_, request);
+  }
+  absl::Status status = check_room(*request);
+  if (status.ok()) status = add_row(*request);
+  if (!status.ok()) return status;
+  const MutexLock lock(mutex_);
+  written_.push_back(request);
+  return status;
 }
 
 /// Returns the job that the same request created before. Errors: AlreadyExists, it belongs to

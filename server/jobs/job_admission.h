@@ -54,6 +54,7 @@ class JobAdmission {
     std::int64_t store_bytes = 0;
     std::string visible_owner;
   };
+  absl::Status write(const std::shared_ptr<Request>& request) ABSL_LOCKS_EXCLUDED(mutex_);
   absl::StatusOr<std::optional<JobView>> find_existing(const JobSpec& spec) const;
   absl::Status check_room(const Request& request) ABSL_LOCKS_EXCLUDED(mutex_);
   absl::Status check_new(const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);

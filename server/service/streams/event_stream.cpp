@@ -26,17 +26,14 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
         caller_(caller.value_or(Caller{})),
         follow_(request.follow()),
         query_{request.after_sequence(), request.job_id(), caller_.visible_owner()} {
-    const std::lock_guard lock(mutex_);
-    const std::int64_t newest = coordinator_.events().newest();
     if (!caller.ok()) {
       refuse(*this, caller.status());
-    } else if (query_.after > newest) {
-      finish(absl::OutOfRangeError(absl::StrCat("after_sequence ", query_.after,
-                                                " is newer than the last event ", newest,
-                                                "; was the store replaced?")));
-    } else {
-      EventStream::poll();
+      return;
     }
+    coordinator_.after_answers([this] {
+      const std::lock_guard lock(mutex_);
+      start();
+    });
   }
 
   void OnWriteDone(bool ok) override {
@@ -45,6 +42,15 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
   }
 
  private:
+  /// Requires the lock.
+  void start() {
+    const std::int64_t newest = coordinator_.events().newest();
+    if (query_.after <= newest) return poll_unless_cancelled(true);
+    finish(absl::OutOfRangeError(absl::StrCat("after_sequence ", query_.after,
+                                              " is newer than the last event ", newest,
+                                              "; was the store replaced?")));
+  }
+
   void poll() override {
     if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
     const std::int64_t dropped = coordinator_.queries().last_dropped_event();

@@ -29,7 +29,7 @@ class RecordingConnection final : public WorkerConnection {
 };
 
 /// A coordinator over a store in memory; the test controls its clock and runs its threads.
-class CoordinatorFixture : public testing::Test {
+class CoordinatorFixture : public ::testing::Test {
  protected:
   void SetUp() override { start(); }
   void TearDown() override { coordinator.reset(); }

@@ -83,6 +83,20 @@ TEST_F(LateAnswers, EventIsVisibleAfterItsAnswer) {
   EXPECT_EQ(coordinator->events().read({}, 9).size(), 1u);
 }
 
+TEST_F(LateAnswers, ReaderWhoHasAnswerFindsItsEvent) {
+  std::vector<std::size_t> found;  // events that a reader finds
+  const auto read = [&] {
+    coordinator->after_answers([&] { found.push_back(coordinator->events().read({}, 9).size()); });
+  };
+  read();
+  EXPECT_EQ(found, std::vector<std::size_t>{0}) << "at once: there are no answers to wait for";
+  coordinator->admission().create_job(remember(spec_of("a")), [&](const auto&) { read(); });
+  write_only();
+  EXPECT_EQ(found.size(), 1u);
+  pump();
+  EXPECT_EQ(found, (std::vector<std::size_t>{0, 1}));
+}
+
 TEST_F(LateAnswers, EventsKeepTheirOrder) {
   for (const char* name : {"a", "b", "c"}) {
     coordinator->admission().create_job(remember(spec_of(name)), [](const auto&) {});
