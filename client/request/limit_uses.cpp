@@ -15,7 +15,7 @@ absl::StatusOr<v1::LimitUses> parse_limit_uses(const std::vector<std::string>& t
         equals == std::string::npos || absl::SimpleAtoi(text.substr(equals + 1), &units);
     if (!is_number || units < 1 || units > kMaxUnits || equals == 0) {
       return absl::InvalidArgumentError(
-          absl::StrCat("--limit \"", text, "\" is not NAME or NAME=UNITS with 1 to ", kMaxUnits));
+          absl::StrCat("--limit \"", text, "\" is not NAME or NAME=AMOUNT with 1 to ", kMaxUnits));
     }
     v1::LimitUse* use = uses.add_limits();
     use->set_limit(text.substr(0, equals));

@@ -8,7 +8,7 @@
 
 namespace tessera::client {
 
-/// Parses NAME or NAME=UNITS, one for each limit; without UNITS 1. Errors: InvalidArgument.
+/// Parses NAME or NAME=AMOUNT, one for each limit; without AMOUNT 1. Errors: InvalidArgument.
 absl::StatusOr<v1::LimitUses> parse_limit_uses(const std::vector<std::string>& texts);
 
 }  // namespace tessera::client

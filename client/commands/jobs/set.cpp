@@ -78,7 +78,7 @@ void add_options(CLI::App& command, SetOptions& options) {
       "--limit", options.limits,
       "Limit that each leased unit counts against, and by how much (default: 1); replaces the "
       "job's limits; repeatable");
-  limits->type_name("NAME[=UNITS]")->allow_extra_args(false);
+  limits->type_name("NAME[=AMOUNT]")->allow_extra_args(false);
   command.add_flag("--no-limits", options.no_limits, "Remove the job's limits")->excludes(limits);
   command.add_flag("--no-after", options.no_after, "Remove the job's dependencies on other jobs");
   command.add_flag("--json", options.json, "Print JSON (tessera.job/1)");

@@ -137,7 +137,7 @@ void add_submit_command(CLI::App& app, Invocation& invocation) {
       ->add_option(
           "--limit", options->limits,
           "Limit that each leased unit counts against, and by how much (default: 1); repeatable")
-      ->type_name("NAME[=UNITS]")
+      ->type_name("NAME[=AMOUNT]")
       ->allow_extra_args(false);
   command
       ->add_option("--project", options->project,
