@@ -5,7 +5,7 @@
 
 #include "contract/render_settings.h"
 #include "image/denoise/denoiser.h"
-#include "image/denoise/half_filter.h"
+#include "image/denoise/filter/half_filter.h"
 
 namespace tessera::image {
 

@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "contract/render_settings.h"
-#include "image/denoise/candidate_choice.h"
 #include "image/denoise/denoiser.h"
+#include "image/denoise/filter/candidate_choice.h"
+#include "image/denoise/filter/half_filter.h"
+#include "image/denoise/filter/rolling_rows.h"
 #include "image/denoise/frame_input.h"
-#include "image/denoise/half_filter.h"
-#include "image/denoise/rolling_rows.h"
 
 namespace tessera::image {
 

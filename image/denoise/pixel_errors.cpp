@@ -6,7 +6,7 @@
 #include <cstring>
 #include <vector>
 
-#include "image/denoise/filter_parameters.h"
+#include "image/denoise/filter/filter_parameters.h"
 
 namespace tessera::image {
 namespace {

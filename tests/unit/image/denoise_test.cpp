@@ -13,8 +13,8 @@
 #include <utility>
 
 #include "image/denoise/denoiser.h"
+#include "image/denoise/filter/half_filter.h"
 #include "image/denoise/frame_denoiser.h"
-#include "image/denoise/half_filter.h"
 #include "image/denoise/layers.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/image/half_filter_reference.h"

@@ -4,7 +4,7 @@
 #include <functional>
 #include <initializer_list>
 
-#include "image/denoise/filter_parameters.h"
+#include "image/denoise/filter/filter_parameters.h"
 
 namespace tessera::image {
 namespace {

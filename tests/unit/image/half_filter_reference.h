@@ -1,6 +1,6 @@
 #pragma once
 
-#include "image/denoise/half_filter.h"
+#include "image/denoise/filter/half_filter.h"
 
 namespace tessera::image {
 

@@ -1,8 +1,8 @@
-#include "image/denoise/candidate_choice.h"
+#include "image/denoise/filter/candidate_choice.h"
 
 #include <algorithm>
 
-#include "image/denoise/filter_parameters.h"
+#include "image/denoise/filter/filter_parameters.h"
 
 namespace tessera::image {
 namespace {

@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "image/denoise/half_filter.h"
-#include "image/denoise/rolling_rows.h"
+#include "image/denoise/filter/half_filter.h"
+#include "image/denoise/filter/rolling_rows.h"
 
 namespace tessera::image {
 

@@ -1,4 +1,4 @@
-#include "image/denoise/half_filter.h"
+#include "image/denoise/filter/half_filter.h"
 
 #include <immintrin.h>
 
@@ -8,7 +8,7 @@
 #include <memory>
 #include <utility>
 
-#include "image/denoise/filter_parameters.h"
+#include "image/denoise/filter/filter_parameters.h"
 
 namespace tessera::image {
 namespace {
