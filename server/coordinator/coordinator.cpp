@@ -27,7 +27,7 @@ Coordinator::Coordinator(Store& store, FarmOptions options, const std::vector<st
       settings_(farm_, store, pipeline_),
       admission_(farm_, store, pipeline_, assets_),
       jobs_({farm_, store, pipeline_, finisher_, assets_}),
-      queries_({farm_, store, finisher_, budget_, intake_.deliveries(), budgets_,
+      queries_({farm_, store, pipeline_, finisher_, budget_, intake_.deliveries(), budgets_,
                 [this](const std::string& owner) { return assets_.bytes_of(owner); }}) {
   farm_.add_handler(workers_);
   farm_.add_handler(audits_);

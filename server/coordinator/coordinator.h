@@ -1,8 +1,6 @@
 #pragma once
 
-#include <functional>
 #include <memory>
-#include <utility>
 
 #include "absl/status/statusor.h"
 #include "server/assets/asset_catalog.h"
@@ -59,8 +57,6 @@ class Coordinator {
   const FarmQueries& queries() const { return queries_; }
   /// Recent events. An event becomes visible just after the answer to the call that caused it.
   const EventLog& events() { return farm_.events(); }
-  /// Runs `act`, which must not block, once the events of all calls answered so far are visible.
-  void after_answers(std::function<void()> act) { pipeline_.after_answers(std::move(act)); }
   FarmMetrics& metrics() { return farm_.metrics(); }
   const ClientQuotas& quotas() const { return farm_.options().client_quotas; }
   /// Signs of life of the threads.

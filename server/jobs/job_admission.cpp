@@ -78,11 +78,10 @@ void JobAdmission::create_job(JobSpec spec, OnCreated done, std::string visible_
   const std::int64_t store_bytes = max_job_size(spec).store_bytes;
   const auto request = std::make_shared<Request>(
       Request{std::move(spec), {}, store_bytes, std::move(visible_owner)});
-  pipeline_.post_write(
-      [this, request] { return write(request); },
-      [this, request, done = std::move(done)](const absl::Status& status) {
-        done(answer(request, status));
-      });
+  pipeline_.post_write([this, request] { return write(request); },
+                       [this, request, done = std::move(done)](const absl::Status& status) {
+                         done(answer(request, status));
+                       });
 }
 
 /// Writes the job's row. On a full disk the transaction may be tried twice, so this forgets the

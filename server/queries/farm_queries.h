@@ -12,6 +12,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "server/commit/commit_pipeline.h"
 #include "server/frames/frame_finisher.h"
 #include "server/intake/ingest_budget.h"
 #include "server/report/job_view.h"
@@ -29,6 +30,7 @@ class FarmQueries {
   struct Parts {
     FarmState& farm;
     const Store& store;
+    CommitPipeline& pipeline;
     FrameFinisher& finisher;
     const IngestBudget& budget;
     const DeliveryLog& deliveries;
@@ -56,6 +58,10 @@ class FarmQueries {
   /// Returns up to `limit` recent deliveries of a job after a sequence. Errors: NotFound.
   absl::StatusOr<std::vector<Delivery>> deliveries(const std::string& job_id, std::int64_t after,
                                                    std::size_t limit) const;
+  /// Runs `act`, which must not block, once the events of all calls answered so far are visible.
+  void after_answers(std::function<void()> act) const {
+    parts_.pipeline.after_answers(std::move(act));
+  }
   /// Returns events that the store keeps, oldest first, up to `limit`. May be slow. Errors: those
   /// of the store.
   absl::StatusOr<std::vector<Event>> stored_events(const EventQuery& query,

@@ -30,7 +30,7 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
       refuse(*this, caller.status());
       return;
     }
-    coordinator_.after_answers([this] {
+    coordinator_.queries().after_answers([this] {
       const std::lock_guard lock(mutex_);
       start();
     });

@@ -86,7 +86,8 @@ TEST_F(LateAnswers, EventIsVisibleAfterItsAnswer) {
 TEST_F(LateAnswers, ReaderWhoHasAnswerFindsItsEvent) {
   std::vector<std::size_t> found;  // events that a reader finds
   const auto read = [&] {
-    coordinator->after_answers([&] { found.push_back(coordinator->events().read({}, 9).size()); });
+    coordinator->queries().after_answers(
+        [&] { found.push_back(coordinator->events().read({}, 9).size()); });
   };
   read();
   EXPECT_EQ(found, std::vector<std::size_t>{0}) << "at once: there are no answers to wait for";
