@@ -10,8 +10,6 @@ namespace {
 
 using Kind = JsonNode::Kind;
 
-constexpr std::int64_t kFloat = 5126, kUnsignedShort = 5123;
-
 bool is_translation_rotation_scale(const std::string& path) {
   return path == "translation" || path == "rotation" || path == "scale";
 }

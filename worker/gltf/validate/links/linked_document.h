@@ -42,6 +42,10 @@ class Collection {
   std::vector<bool> used_;
 };
 
+/// Component types of accessors. Source: glTF 2.0, section 3.6.2.2.
+inline constexpr std::int64_t kByte = 5120, kUnsignedByte = 5121, kShort = 5122,
+                              kUnsignedShort = 5123, kUnsignedInt = 5125, kFloat = 5126;
+
 /// Type of an accessor's elements.
 struct AccessorFormat {
   std::string_view type;

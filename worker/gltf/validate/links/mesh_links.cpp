@@ -12,9 +12,6 @@ namespace {
 using Kind = JsonNode::Kind;
 using Formats = std::vector<AccessorFormat>;
 
-constexpr std::int64_t kByte = 5120, kUnsignedByte = 5121, kShort = 5122, kUnsignedShort = 5123,
-                       kUnsignedInt = 5125, kFloat = 5126;
-
 void add_formats(Formats& out, std::string_view type,
                  std::initializer_list<std::int64_t> components, bool normalized) {
   for (const std::int64_t component : components) out.push_back({type, component, normalized});

@@ -30,7 +30,7 @@ const std::byte* view_bytes(const LinkedDocument& document, const LinkedView& vi
 }  // namespace
 
 bool AccessorValues::is_float() const {
-  return accessor_->format.component == 5126;
+  return accessor_->format.component == kFloat;
 }
 
 double AccessorValues::component(const std::byte* at) const {
