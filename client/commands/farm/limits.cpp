@@ -33,7 +33,7 @@ int list_limits(bool json, const Connection& connection) {
     std::printf("%s\n", document.dump(2).c_str());
     return kExitDone;
   }
-  Table table({"LIMIT", "UNITS", "USED"});
+  Table table({"LIMIT", "AMOUNT", "USED"});
   for (const v1::Limit& limit : *limits) {
     table.add({limit.name(), std::to_string(limit.unit_count()),
                std::to_string(limit.used_unit_count())});
