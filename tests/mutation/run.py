@@ -46,9 +46,9 @@ class Area:
 
 AREAS = (
     Area("scheduler", ("server/schedule/**/*.cpp", "server/schedule/**/*.h"),
-         ("unit_schedule_test", "unit_coordinator_test"), has_integers=True),
+         ("unit_schedule_test", "unit_jobs_test", "unit_coordinator_test"), has_integers=True),
     Area("stopping-rule", ("contract/stopping/stopping_rule.cpp", "contract/stopping/frame_stopping_rule.cpp"),
-         ("unit_contract_test", "unit_film_test", "unit_coordinator_test")),
+         ("unit_contract_test", "unit_film_test", "unit_jobs_test", "unit_coordinator_test")),
     Area("traversal", ("worker/accel/traversal/*.h", "worker/accel/kernels/*.h", "worker/accel/kernels/*.cpp"),
          ("numeric_geometry_test", "numeric_motion_test", "numeric_solids_test"),
          () if "avx512vl" in pathlib.Path("/proc/cpuinfo").read_text() else ("*avx512*",)),
