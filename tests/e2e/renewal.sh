@@ -29,6 +29,8 @@ wait_until 20 "the worker is connected" grep -q "connected: one" "$work/server.l
 held=$(as client-eve submit "$scenes/lit_square.gltf" --size 48x32 --spp 8 --name held --require-tag nobody)
 as client-eve watch "$held" >"$work/eve" 2>&1 &
 worker_pid[watch]=$!
+# The worker renders small units of it from now on until it is cancelled.
+busy=$(as client-ann submit "$scenes/lit_square.gltf" --size 640x480 --spp 8192 --tile-size 16 --name busy)
 
 wait_until 30 "the worker's certificate is new" is_new "$mine/tls.crt" "$worker_serial"
 [ "$(sha256sum <"$mine/tls.key")" != "$worker_key" ] || fail "the worker kept its key"
@@ -38,6 +40,22 @@ say "worker and server have renewed their certificates"
 
 while [ "$SECONDS" -le "$end" ]; do sleep 0.5; done
 kill -0 "${worker_pid[one]}" || fail "the worker has ended"
+
+# The worker's streams began with its first certificate, too.
+committed() {
+  as client-ann status "$busy" --json >"$work/busy.json"
+  json "$work/busy.json" 'd["progress"]["units_committed"]'
+}
+before=$(committed)
+[ "$before" -gt 0 ] || fail "the worker has delivered nothing"
+has_more() { [ "$(committed)" -gt "$before" ]; }
+wait_until 30 "results arrive after the worker's first certificate has expired" has_more
+as client-ann cancel "$busy" >/dev/null
+rendered() { sed -nE "s/.*unit (.*) rendered in .*/\\1/p" "$work/worker-one.log"; }
+[ "$(rendered | wc -l)" -ge "$before" ] || fail "$before units are committed, but only $(rendered | wc -l) rendered"
+[ -z "$(rendered | sort | uniq -d)" ] || fail "rendered twice: $(rendered | sort | uniq -d | head)"
+say "a busy worker loses no unit when it connects with its new certificate"
+
 scene=$scenes/lit_square.gltf
 job=$(as client-ann submit "$scene" --size 48x32 --spp 8 --tile-size 16 --name shot)
 as client-ann watch "$job" >"$work/watched"
