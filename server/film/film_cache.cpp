@@ -168,11 +168,11 @@ absl::Status FilmCache::advance(Frame& frame, std::int32_t tile, TileSum& sum,
 }
 
 /// Records the error of a tile after its latest pass, and adds it to the stopping rule. Requires m.
-void FilmCache::measure(Frame& frame, std::int32_t tile, const TileSum& sum) {
+void FilmCache::measure(Frame& frame, std::int32_t tile, TileSum& sum) {
   const std::int32_t pass = sum.pass_count() - 1;
   Tile& state = frame.tiles[contract::as_index(tile)];
   std::optional<ErrorSums>& error = state.error[contract::as_index(pass)];
-  if (!error) error = sum.error_sums(*frame.mean_luminance);
+  if (!error) error = sum.measure(*frame.mean_luminance);
   if (frame.reference && !state.truth[contract::as_index(pass)]) {
     const auto reference = frame.reference(frame.grid.rect(tile));
     if (reference.ok()) {
@@ -185,7 +185,7 @@ void FilmCache::measure(Frame& frame, std::int32_t tile, const TileSum& sum) {
 }
 
 /// Records what remains of a tile when its sums are evicted.
-void FilmCache::record_pass(Frame& frame, std::int32_t index, const TileSum& sum) {
+void FilmCache::record_pass(Frame& frame, std::int32_t index, TileSum& sum) {
   Tile& tile = frame.tiles[contract::as_index(index)];
   if (sum.pass_count() == 1 && !tile.luminance_sum) {
     tile.luminance_sum = sum.luminance_sum();

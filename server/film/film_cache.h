@@ -155,8 +155,8 @@ class FilmCache {
   absl::Status catch_up(Frame& frame);
   static PassStats stats_after(const Frame& frame, std::int32_t pass);
   static std::int32_t pass_target(const Frame& frame, std::int32_t tile);
-  static void measure(Frame& frame, std::int32_t tile, const TileSum& sum);
-  void record_pass(Frame& frame, std::int32_t index, const TileSum& sum);
+  static void measure(Frame& frame, std::int32_t tile, TileSum& sum);
+  void record_pass(Frame& frame, std::int32_t index, TileSum& sum);
   void measure_cached(Frame& frame);
   absl::StatusOr<TileSum> rebuild(const FrameKey& key, std::int32_t tile, bool keep);
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <functional>
+#include <iterator>
 #include <memory>
 #include <span>
 #include <thread>
@@ -15,6 +15,7 @@
 #include "image/denoise/frame_denoiser.h"
 #include "image/denoise/layers.h"
 #include "image/exr/exr_file.h"
+#include "server/film/largest_values.h"
 
 namespace tessera::server {
 namespace {
@@ -25,33 +26,6 @@ using image::ExrHeader;
 using image::ExrPlane;
 using image::ExrType;
 using image::ExrWriter;
-
-/// Sums the largest values of a stream, with memory for a given number of them.
-class LargestValues {
- public:
-  explicit LargestValues(std::int64_t count) : count_(contract::as_index(count)) {}
-
-  void add(double value) {
-    if (heap_.size() == count_) {
-      if (value <= heap_.front()) return;
-      std::pop_heap(heap_.begin(), heap_.end(), std::greater<>());
-      heap_.back() = value;
-    } else {
-      heap_.push_back(value);
-    }
-    std::push_heap(heap_.begin(), heap_.end(), std::greater<>());
-  }
-  double sum() {
-    std::sort(heap_.begin(), heap_.end());  // so that the sum does not depend on their order
-    double total = 0;
-    for (const double value : heap_) total += value;
-    return total;
-  }
-
- private:
-  std::size_t count_;
-  std::vector<double> heap_;  // smallest first
-};
 
 /// Layers of one row of tiles, and the first plane of each.
 class Band {
@@ -181,8 +155,8 @@ class Gatherer {
         error_(contract::as_index(grid.tile_count())),
         clamped_(error_.size()),
         truncated_(error_.size()),
-        largest_(std::max<std::int64_t>(
-            1, std::int64_t{grid.window().width} * grid.window().height / 1000)) {
+        largest_(contract::as_index(std::max<std::int64_t>(
+            1, std::int64_t{grid.window().width} * grid.window().height / 1000))) {
     statistics_.frame = spec.frame;
     statistics_.width = grid.window().width;
     statistics_.height = grid.window().height;
@@ -199,9 +173,7 @@ class Gatherer {
     statistics_.transparency_limit_count += tile.losses().transparency_limit_count;
     clamped_[contract::as_index(index)] = tile.losses().clamped_energy;
     truncated_[contract::as_index(index)] = tile.losses().truncated_energy;
-    per_pixel_.clear();
-    error_[contract::as_index(index)] = tile.error_sums(mean_luminance_, &per_pixel_);
-    for (const double value : per_pixel_) largest_.add(value);
+    error_[contract::as_index(index)] = measure(tile);
     statistics_.tiles[contract::as_index(index)] = {
         std::sqrt(contract::mean_scaled(error_[contract::as_index(index)])), tile.sample_count()};
   }
@@ -223,6 +195,22 @@ class Gatherer {
   }
 
  private:
+  /// Returns the tile's error, and adds its pixels to the largest ones. Measures the tile only if
+  /// that has not been done, or if more of its pixels may be among the largest ones than the tile
+  /// remembers.
+  ErrorSums measure(const TileSum& tile) {
+    const TileSum::Measured* const known = tile.measured(mean_luminance_);
+    if (known != nullptr && (std::ssize(known->largest) == tile.pixel_count() ||
+                             largest_.excludes(known->largest.front()))) {
+      for (const double value : known->largest) largest_.add(value);
+      return known->sums;
+    }
+    per_pixel_.clear();
+    const ErrorSums sums = tile.error_sums(mean_luminance_, &per_pixel_);
+    for (const double value : per_pixel_) largest_.add(value);
+    return sums;
+  }
+
   double mean_luminance_;
   int looks_;
   FrameStatistics statistics_;

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "contract/index.h"
+#include "server/film/largest_values.h"
 
 namespace tessera::server {
 namespace {
@@ -196,12 +197,14 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
   losses_.transparency_limit_count += block.transparency_limit_count;
   sample_count_ += pass.sample_count;
   ++pass_count_;
+  measured_.reset();
   return absl::OkStatus();
 }
 
 std::int64_t TileSum::bytes() const {
   const std::size_t doubles = rgb_.size() + alpha_.size() + albedo_.size() + normal_.size() +
-                              hits_.size() + features_.size() + traversal_cost_.size();
+                              hits_.size() + features_.size() + traversal_cost_.size() +
+                              (measured_ ? measured_->largest.size() : 0);
   const std::size_t words = first_sample_.depth.size() + first_sample_.position.size() +
                             first_sample_.ids.size() + dropped_.size();
   return static_cast<std::int64_t>(sizeof *this + 8 * doubles + 4 * words);
@@ -352,6 +355,16 @@ ErrorSums TileSum::error_sums(double mean_luminance, std::vector<double>* per_pi
     finish_pixel(scaled, cautious);
   }
   return sums;
+}
+
+const ErrorSums& TileSum::measure(double mean_luminance) {
+  std::vector<double> per_pixel;
+  per_pixel.reserve(contract::as_index(pixel_count()));
+  measured_ = Measured{mean_luminance, error_sums(mean_luminance, &per_pixel), {}};
+  LargestValues largest(Measured::kLargest);
+  for (const double value : per_pixel) largest.add(value);
+  measured_->largest = largest.values();
+  return measured_->sums;
 }
 
 void TrueSums::add(const TrueSums& other) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -103,6 +104,19 @@ class TileSum {
   /// `mean_luminance` is m >= 0. If `per_pixel` is not null, each pixel's scaled sum is appended to
   /// it, row-major.
   ErrorSums error_sums(double mean_luminance, std::vector<double>* per_pixel = nullptr) const;
+  /// What error_sums() returned, and the largest of the pixels' scaled sums.
+  struct Measured {
+    static constexpr std::size_t kLargest = 64;
+    double mean_luminance = 0;
+    ErrorSums sums;
+    std::vector<double> largest;  // the smallest one first; all of a tile of up to kLargest pixels
+  };
+  /// Returns error_sums(), and keeps it until the next add().
+  const ErrorSums& measure(double mean_luminance);
+  /// Returns what measure() has kept; nullptr if that is not for this `mean_luminance`.
+  const Measured* measured(double mean_luminance) const {
+    return measured_ && measured_->mean_luminance == mean_luminance ? &*measured_ : nullptr;
+  }
   /// Returns the error against `reference`, R, G, B, A of each pixel. `mean_luminance` is m >= 0.
   TrueSums true_sums(std::span<const float> reference, double mean_luminance) const;
 
@@ -130,6 +144,7 @@ class TileSum {
   std::vector<double> traversal_cost_;
   FirstSample first_sample_;
   std::vector<std::int32_t> dropped_;  // [pixel][replicate]; empty if nothing was dropped
+  std::optional<Measured> measured_;
 };
 
 }  // namespace tessera::server

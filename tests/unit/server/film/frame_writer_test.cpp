@@ -379,6 +379,40 @@ TEST_F(FrameWriterTest, StatisticsCoverWholeFrame) {
   EXPECT_EQ(statistics.dropped_samples, 0);
 }
 
+TEST_F(FrameWriterTest, KeptErrorsGiveTheSameStatistics) {
+  spec_.settings.width = 320;
+  spec_.settings.height = 240;  // 0.1 % are 76 pixels, more than a tile keeps
+  const contract::TileGrid grid(spec_.settings);
+  // The largest errors are in the first tile, in the last one, or everywhere.
+  for (const std::int32_t noisy : {0, grid.tile_count() - 1, -1}) {
+    const auto tile_of = [&](std::int32_t index) {
+      const contract::PixelRect rect = grid.rect(index);
+      contract::FilmBlock block = made_block(rect, 0, 0, {0, 8});
+      for (std::size_t i = 0; index == noisy && i < block.rgb.size(); i += 12) block.rgb[i] *= 9;
+      TileSum tile(rect.width, rect.height, 0);
+      EXPECT_TRUE(tile.add(block, {0, 8}).ok());
+      return tile;
+    };
+    const auto measured_tile = [&](std::int32_t index) {
+      TileSum tile = tile_of(index);
+      tile.measure(0.75);
+      return tile;
+    };
+    for (const double m : {0.75, 0.5}) {  // the kept errors are not those of 0.5
+      spec_.mean_luminance = m;
+      const FrameStatistics expected = written(tile_of, "expected.exr").statistics;
+      const FrameStatistics actual = written(measured_tile, "actual.exr").statistics;
+      EXPECT_EQ(actual.estimated.error, expected.estimated.error) << noisy << ", m " << m;
+      EXPECT_EQ(actual.estimated.error_upper95, expected.estimated.error_upper95) << noisy;
+      EXPECT_EQ(actual.estimated.rmse, expected.estimated.rmse) << noisy;
+      EXPECT_EQ(actual.heavy_tail_share, expected.heavy_tail_share) << noisy << ", m " << m;
+      for (std::size_t i = 0; i < expected.tiles.size(); ++i) {
+        ASSERT_EQ(actual.tiles[i].error, expected.tiles[i].error) << noisy << ", tile " << i;
+      }
+    }
+  }
+}
+
 TEST_F(FrameWriterTest, ReportEntryHasEveryKey) {
   const FrameResult result = written(made_tiles(), "entry.exr");
   const CurvePoint point{1.5, 0.5, 28000, 0.25, 0.125, TrueErrorStats{0.3, 0.2, 0.1}};

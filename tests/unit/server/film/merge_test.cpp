@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "tests/unit/server/film/made_blocks.h"
 
@@ -218,6 +220,29 @@ TEST(ErrorSums, BatchMatchesSinglePixels) {
     EXPECT_NE(sums_a.relative, sums_b.relative) << "the last pixel differs";
     EXPECT_EQ(m == 0, sums_a.scaled == 0);
   }
+}
+
+TEST(ErrorSums, AreKeptUntilTheNextPass) {
+  const contract::Pass first{0, 8}, second{8, 8};
+  const contract::PixelRect rect = whole_tile(16);
+  TileSum tile(16, 16, 0);
+  ASSERT_TRUE(tile.add(made_block(rect, 0, 0, first), first).ok());
+  EXPECT_EQ(tile.measured(0.5), nullptr);
+  std::vector<double> per_pixel;
+  const ErrorSums sums = tile.error_sums(0.5, &per_pixel);
+  EXPECT_EQ(tile.measure(0.5).scaled, sums.scaled);
+  const TileSum copy = tile;
+  ASSERT_NE(copy.measured(0.5), nullptr);
+  EXPECT_EQ(copy.measured(0.5)->sums.cautious, sums.cautious);
+  std::sort(per_pixel.rbegin(), per_pixel.rend());
+  per_pixel.resize(TileSum::Measured::kLargest);
+  std::vector<double> largest = copy.measured(0.5)->largest;
+  EXPECT_EQ(largest.front(), per_pixel.back());
+  std::sort(largest.rbegin(), largest.rend());
+  EXPECT_EQ(largest, per_pixel);
+  EXPECT_EQ(tile.measured(0.25), nullptr);
+  ASSERT_TRUE(tile.add(made_block(rect, 0, 1, second), second).ok());
+  EXPECT_EQ(tile.measured(0.5), nullptr);
 }
 
 TEST(ErrorSums, NearlyEqualReplicatesDoNotCancel) {
