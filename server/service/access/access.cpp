@@ -125,14 +125,16 @@ absl::StatusOr<Caller> Access::identify(const grpc::CallbackServerContext& conte
 absl::Status Access::count_call(grpc::CallbackServerContext& context, const std::string& client,
                                 bool is_stream) const {
   const Clock::time_point now = Clock::now();
-  absl::Status status = limits_->count_call(client, now);
-  if (status.ok()) status = limits_->count_connection(client, context.peer(), now);
+  absl::Status status = limits_->count_connection(client, context.peer(), now);
+  absl::StatusOr<std::shared_ptr<const void>> place = nullptr;
   if (status.ok() && !is_stream) {
-    auto place = limits_->reserve_call(client);
+    place = limits_->reserve_call(client);
     status = place.status();
-    auto* const call = dynamic_cast<CallContext*>(&context);  // null: the server limits no clients
-    if (status.ok() && call != nullptr) call->hold(*std::move(place));
   }
+  // Last, so that a call that is refused for another reason does not count towards the rate.
+  if (status.ok()) status = limits_->count_call(client, now);
+  auto* const call = dynamic_cast<CallContext*>(&context);  // null: the server limits no clients
+  if (status.ok() && call != nullptr) call->hold(*std::move(place));
   if (can_be_retried(status)) context.AddTrailingMetadata(contract::kRetryKey, "");
   return status;
 }

@@ -11,9 +11,19 @@
 namespace tessera::server {
 namespace {
 
-constexpr double kBurstSeconds = 10, kSecondsPerHour = 3600, kGiga = 1e9;
+// Calls that a client may make at once: as many as its rate allows in kBurstSeconds. A longer burst
+// would delay other clients' calls, while a shorter one would cost a client that is refused part of
+// its rate: the pause before the answer and the client's own, at most 0.8 s together, must not
+// exceed it. Clients with a low rate may make kMinBurst calls, more than a command of `tessera`
+// makes.
+constexpr double kBurstSeconds = 1, kMinBurst = 10;
+constexpr double kSecondsPerHour = 3600, kGiga = 1e9;
 constexpr char kPausePayload[] = "tessera/pause";
 constexpr std::chrono::milliseconds kPause{500};
+
+double burst_of(double rate) {
+  return std::max(kMinBurst, kBurstSeconds * rate);
+}
 
 /// Marks a refusal as one to be answered after a pause, and repeated by the caller.
 absl::Status with_pause(absl::Status refusal) {
@@ -104,11 +114,11 @@ void ClientLimits::note_connection(const std::string& caller, const std::string&
 }
 
 absl::Status ClientLimits::count_call(const std::string& client, Time now) {
-  const double rate = quotas_.of(client).calls;
+  const double rate = quotas_.of(client).calls, burst = burst_of(rate);
   const std::lock_guard lock(uses_->mutex);
   Use& use = uses_->by_client[client];
-  if (rate == 0 || use.calls.take(1, kBurstSeconds * rate, rate, now)) return absl::OkStatus();
-  return with_pause(refuse(client, &ClientQuota::calls, (use.calls.level + 1) / kBurstSeconds));
+  if (rate == 0 || use.calls.take(1, burst, rate, now)) return absl::OkStatus();
+  return with_pause(refuse(client, &ClientQuota::calls, (use.calls.level + 1) * rate / burst));
 }
 
 absl::Status ClientLimits::count_upload(const std::string& client, std::int64_t bytes, Time now) {
@@ -142,7 +152,7 @@ double ClientLimits::used(const std::string& client, const QuotaKind& kind, Time
   if (kind.member == &ClientQuota::event_subscriptions) return use.subscriptions;
   if (kind.member == &ClientQuota::concurrent_calls) return use.calls_in_progress;
   if (kind.member == &ClientQuota::calls) {
-    return use.calls.level_at(quota.calls, now) / kBurstSeconds;
+    return use.calls.level_at(quota.calls, now) * quota.calls / burst_of(quota.calls);
   }
   if (kind.member == &ClientQuota::upload_gb) {
     return use.uploads.level_at(quota.upload_gb / kSecondsPerHour, now);

@@ -26,7 +26,7 @@ bool can_be_retried(const absl::Status& refusal);
 
 /// Limits open streams, event subscriptions, connections, calls in progress, calls per second and
 /// uploaded bytes per client name over all its connections. Calls per second and bytes are leaky
-/// buckets: a burst may have ten seconds of calls or an hour of bytes. Errors are
+/// buckets: a burst may have a second of calls, at least ten, or an hour of bytes. Errors are
 /// ResourceExhausted, see over_quota(). Thread-safe.
 class ClientLimits {
  public:
@@ -53,8 +53,8 @@ class ClientLimits {
 
   /// Returns the clients that have called and those with quotas of their own.
   std::set<std::string> clients() const;
-  /// Returns a client's use in the quota's unit; of calls, those per second over about the last ten
-  /// seconds. 0 for kinds that are not limited here.
+  /// Returns a client's use in the quota's unit; of calls, those per second over about the last
+  /// second. 0 for kinds that are not limited here.
   double used(const std::string& client, const QuotaKind& kind, Time now) const;
   const ClientQuotas& quotas() const { return quotas_; }
   ClientConnections& connections() { return connections_; }

@@ -28,7 +28,7 @@ constexpr char kScene[] = "{\"asset\":{\"version\":\"2.0\"}}";
 
 struct Options {
   std::string server, certs;
-  double seconds = 10, calls_per_s = 100;
+  double seconds = 10, calls_per_s = 100, delay_seconds = 0;
   bool is_greedy = false;
   int connections = 4, threads = 8;
 };
@@ -40,6 +40,10 @@ class Tenant {
         jobs_(v1::JobService::NewStub(channel_)),
         name_(std::move(name)) {}
 
+  /// Connects, which takes CPU time of the client and the server.
+  bool connect() {
+    return channel_->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(20));
+  }
   bool upload() { return tessera::bench::upload(channel_, "", kScene); }
   grpc::Status create() {
     grpc::ClientContext context;
@@ -121,13 +125,19 @@ int run_steady(Tenant& tenant, const Options& options) {
 }
 
 int run_greedy(std::vector<std::unique_ptr<Tenant>>& tenants, const Options& options) {
+  const Clock::time_point start =
+      Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                         std::chrono::duration<double>(options.delay_seconds));
+  for (const auto& tenant : tenants) {
+    if (!tenant->connect()) return 1;
+  }
   tenants.front()->upload();
   std::atomic<long> done = 0, refused = 0;
-  const Clock::time_point start = Clock::now();
   std::vector<std::thread> threads;
   for (std::size_t i = 0; i < tenants.size(); ++i) {
     for (int j = 0; j < options.threads; ++j) {
       threads.emplace_back([&, i, j] {
+        std::this_thread::sleep_until(start);
         while (Clock::now() - start < std::chrono::duration<double>(options.seconds)) {
           const grpc::Status status = j == 0  ? tenants[i]->watch_events()
                                       : j % 2 ? tenants[i]->create()
@@ -152,6 +162,8 @@ int main(int argc, char** argv) {
   app.add_option("--seconds", options.seconds);
   app.add_option("--calls-per-s", options.calls_per_s, "Of the steady client");
   app.add_flag("--greedy", options.is_greedy);
+  app.add_option("--delay", options.delay_seconds,
+                 "Seconds after which the greedy client, which has connected, begins to call");
   app.add_option("--connections", options.connections, "Of the greedy client");
   app.add_option("--threads", options.threads, "Of the greedy client, on each connection");
   CLI11_PARSE(app, argc, argv);

@@ -28,15 +28,36 @@ ClientQuotas quotas_of(double calls, double upload_bytes) {
 }
 
 TEST(ClientLimits, CallRateIsLimitedPerClient) {
-  ClientLimits limits(quotas_of(10, 0));
+  ClientLimits limits(quotas_of(50, 0));
   int taken = 0;
   for (int ms = 0; ms < 60'000; ms += 10) {  // 100 per second, for a minute
     taken += limits.count_call("ann", start_time + milliseconds(ms)).ok() ? 1 : 0;
   }
-  EXPECT_NEAR(taken, 100 + 600, 2);  // a burst of 100, then ten per second
-  EXPECT_TRUE(absl::IsResourceExhausted(limits.count_call("ann", start_time + minutes(1))));
-  EXPECT_TRUE(limits.count_call("bob", start_time + minutes(1)).ok());
-  EXPECT_TRUE(limits.count_call("ann", start_time + minutes(2)).ok());
+  EXPECT_NEAR(taken, 50 + 3000, 2);  // a burst of 50, then 50 per second
+  const ClientLimits::Time end = start_time + milliseconds(59'995);
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.count_call("ann", end)));
+  EXPECT_TRUE(limits.count_call("bob", end).ok());
+  EXPECT_TRUE(limits.count_call("ann", end + minutes(1)).ok());
+}
+
+TEST(ClientLimits, LowRateAllowsTenCallsAtOnce) {
+  ClientLimits limits(quotas_of(1, 0));
+  for (int i = 0; i < 10; ++i) EXPECT_TRUE(limits.count_call("ann", start_time).ok()) << i;
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.count_call("ann", start_time)));
+  EXPECT_DOUBLE_EQ(limits.used("ann", quota_kind(&ClientQuota::calls), start_time), 1);
+}
+
+TEST(ClientLimits, RefusedClientKeepsItsRate) {
+  constexpr milliseconds kCall{1}, kLongestPause{800};  // of the refusal and the client together
+  ClientLimits limits(quotas_of(100, 0));
+  int taken = 0;
+  for (milliseconds now{0}; now < minutes(1);) {
+    const bool is_taken = limits.count_call("ann", start_time + now).ok();
+    taken += is_taken ? 1 : 0;
+    now += is_taken ? kCall : kLongestPause;
+  }
+  // The burst, and the rate, but for what came free in a pause at the end.
+  EXPECT_GE(taken, 100 + 60 * 100 - 81);
 }
 
 TEST(ClientLimits, UploadedBytesAreLimitedPerHour) {

@@ -216,6 +216,29 @@ TEST_F(ConcurrentCalls, OpenStreamsTakeNoPlace) {
   context.TryCancel();
 }
 
+class SlowRate : public ConcurrentCalls {
+ protected:
+  SlowRate() { quotas_.by_client["ann"].calls = 1; }  // ten at once
+};
+
+TEST_F(SlowRate, CallsWithoutPlaceDoNotCountTowardsIt) {
+  ASSERT_TRUE(take_places());
+  const auto ann = channel("ann");
+  std::vector<std::future<grpc::Status>> refused;
+  for (int i = 0; i < 10; ++i) {
+    refused.push_back(std::async(std::launch::async, [&] { return try_call(ann); }));
+  }
+  for (auto& call : refused) {
+    const grpc::Status status = call.get();
+    EXPECT_EQ(status.error_message().find("quota concurrent-calls"), 0u) << status.error_message();
+  }
+  release_writer();
+  for (auto& creating : creating_) EXPECT_TRUE(creating.get().ok());
+  ASSERT_EQ(wait_for_places("ann", 0), 0);
+  const grpc::Status status = try_call(ann);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
 class NoPlaces : public ConcurrentCalls {
  protected:
   NoPlaces() {
