@@ -1,7 +1,8 @@
 // Simulation of farms with 10 to 10,000 workers: the scheduler of the coordinator, and units that
 // take as long as measured ones. Run by tests/bench/scale.sh, which measures them.
 //
-//   bench_simulated_farm --units FILE --block-bytes N --merge-seconds S [--workers N…]
+//   bench_simulated_farm --units FILE --block-bytes N --merge-seconds S --image-seconds S
+//     [--film-threads N] [--workers N…]
 //
 // FILE: CPU seconds of one sample of every pixel, for each unit. Prints a table in Markdown.
 #include <CLI/CLI.hpp>
@@ -34,8 +35,9 @@ bool read_units(Options& options) {
 void print_table(const Options& options) {
   const auto megabytes = options.farm.durable_per_second / 1e6;
   std::printf(
-      "| workers | job | efficiency | tail | copies | store, of %.0f MB/s | film thread |\n",
-      megabytes);
+      "| workers | job | efficiency | tail | copies | store, of %.0f MB/s | film threads, of %d "
+      "|\n",
+      megabytes, options.farm.film_threads);
   std::printf("|---|---|---|---|---|---|---|\n");
   for (const std::int32_t workers : options.workers) {
     FarmPlan farm = options.farm;
@@ -45,7 +47,7 @@ void print_table(const Options& options) {
     std::printf("| %d | %.1f s | %.1f %% | %.2f s | %lld | %.0f %% | %.0f %% |\n", workers,
                 result.wall_seconds, 100 * efficiency, result.tail_seconds,
                 static_cast<long long>(result.copies), 100 * result.ingest_busy,
-                100 * result.merge_busy);
+                100 * result.film_busy);
     std::fflush(stdout);
   }
 }
@@ -75,6 +77,8 @@ int run(int argc, char** argv) {
   app.add_option("--units", options.units)->required();
   app.add_option("--block-bytes", options.measured.block_bytes)->required();
   app.add_option("--merge-seconds", options.measured.merge_seconds)->required();
+  app.add_option("--image-seconds", options.measured.image_seconds)->required();
+  app.add_option("--film-threads", options.farm.film_threads)->check(CLI::Range(1, 64));
   app.add_option("--workers", options.workers);
   app.add_option("--frames", options.job.frames);
   app.add_option("--tiles", options.job.tiles);

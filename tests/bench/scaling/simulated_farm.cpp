@@ -15,6 +15,7 @@
 
 #include "contract/pass_schedule.h"
 #include "server/schedule/scheduler/scheduler.h"
+#include "tests/bench/scaling/film_threads.h"
 
 namespace tessera::bench {
 namespace {
@@ -57,7 +58,6 @@ class Queue {
     return free_;
   }
   double busy() const { return busy_; }
-  Time free() const { return free_; }
 
  private:
   Time free_{};
@@ -70,7 +70,8 @@ class SimulatedFarm {
       : measured_(measured),
         farm_(farm),
         scheduler_({"store", "key", 1}, policy(), {}, now_),
-        job_(scheduler_.changes().add_job(1, spec_of(planned), JobState::queued)) {}
+        job_(scheduler_.changes().add_job(1, spec_of(planned), JobState::queued)),
+        film_(farm.film_threads) {}
 
   Simulated run() {
     connect_workers();
@@ -84,11 +85,11 @@ class SimulatedFarm {
       deliver_mail();
     }
     Simulated result;
-    const Time end = std::max(now_, film_.free());
+    const Time end = std::max(now_, film_.finish());
     result.wall_seconds = server::seconds(end - Time{});
     result.unit_seconds = unit_seconds_;
     result.tail_seconds = first_idle_ ? server::seconds(end - *first_idle_) : 0;
-    result.merge_busy = film_.busy() / result.wall_seconds;
+    result.film_busy = server::seconds(film_.busy()) / (result.wall_seconds * farm_.film_threads);
     result.ingest_busy = std::max(line_.busy(), store_.busy()) / result.wall_seconds;
     result.units = job_.plan->counts().committed;
     result.copies = leased_ - result.units;
@@ -230,7 +231,10 @@ class SimulatedFarm {
     } else {
       scheduler_.results().commit(job_, unit, id, seconds_of(unit));
       unit_seconds_ += seconds_of(unit);
-      film_.serve(now_, measured_.merge_seconds);
+      film_.post(now_, unit.frame, span_of(measured_.merge_seconds), false);
+      if (job_.plan->is_complete(unit.frame)) {
+        film_.post(now_, unit.frame, span_of(measured_.image_seconds), true);
+      }
     }
     // The worker gets the acknowledgement and grants the credit again.
     push(now_ + span_of(farm_.round_trip_seconds), key, Kind::credit, unit);
@@ -274,7 +278,8 @@ class SimulatedFarm {
   std::priority_queue<Event> events_;
   std::int64_t event_count_ = 0, leased_ = 0;
   std::int32_t credits_ = 0;
-  Queue line_, store_, film_;
+  Queue line_, store_;
+  FilmThreads film_;
   std::optional<Time> first_idle_;
   double unit_seconds_ = 0;
 };
