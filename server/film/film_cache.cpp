@@ -139,7 +139,7 @@ TileSum FilmCache::take_measured(const Frame& frame, std::int32_t tile) {
       !frame.mean_luminance || std::all_of(begin, begin + sum.pass_count(),
                                            [](const auto& error) { return error.has_value(); });
   if (is_measured) return sum;
-  return {sum.width(), sum.height(), frame.aovs};
+  return {sum.size().width, sum.size().height, frame.aovs};
 }
 
 /// Passes that the tile gets, as far as is known.

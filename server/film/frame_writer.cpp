@@ -74,8 +74,9 @@ class Band {
   /// Copies a tile's pixels to column `x` of the band.
   void put(const TileSum& tile, std::int32_t x) {
     std::int64_t pixel = 0;
-    for (std::int32_t row = 0; row < tile.height(); ++row) {
-      for (std::int32_t column = 0; column < tile.width(); ++column, ++pixel) {
+    const auto [width, height] = tile.size();
+    for (std::int32_t row = 0; row < height; ++row) {
+      for (std::int32_t column = 0; column < width; ++column, ++pixel) {
         put_pixel(tile, pixel, contract::as_index(std::int64_t{row} * width_ + x + column));
       }
     }

@@ -50,10 +50,11 @@ class TileSum {
   /// added so far. The tile is then unchanged.
   absl::Status add(const contract::FilmBlock& block, const contract::Pass& pass);
 
-  std::int32_t width() const { return width_; }
-  std::int32_t height() const { return height_; }
+  struct Size {
+    std::int32_t width = 0, height = 0;
+  };
+  Size size() const { return {width_, height_}; }
   std::int64_t pixel_count() const { return std::int64_t{width_} * height_; }
-  std::uint32_t aovs() const { return aovs_; }
   std::int32_t pass_count() const { return pass_count_; }
   /// Samples per pixel of the passes so far, dropped ones included.
   std::int32_t sample_count() const { return sample_count_; }
