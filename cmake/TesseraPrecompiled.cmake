@@ -13,8 +13,6 @@ function(tessera_precompiled name)
   set(source ${PROJECT_BINARY_DIR}/precompiled/${name}.cpp)
   file(CONFIGURE OUTPUT ${source} CONTENT "")
   add_library(tessera_precompiled_${name} OBJECT ${source})
-  # With the headers, an empty source costs seconds: CLI11 defines objects in its headers.
-  set_source_files_properties(${source} PROPERTIES SKIP_PRECOMPILE_HEADERS ON)
   target_link_libraries(tessera_precompiled_${name} PRIVATE tessera::flags ${arg_LINKS})
   target_precompile_headers(tessera_precompiled_${name} PRIVATE ${arg_HEADERS})
   # Clang else notes times of files, so that what ccache has from another clone is out of date.
