@@ -75,6 +75,9 @@ struct RenderSettings {
   bool half = false;  // EXR of half floats; does not change pixels_sha256
   double clamp = 0;   // maximum radiance per sample and channel; 0: off
   bool cull_backfaces = false;
+  /// Paths follow the directions of photons as well as the BSDF. Changes the noise, not the
+  /// expected image.
+  bool guiding = false;
   /// Acceleration structure: one of kStructureNames, or empty for the production BVH. Pixels do not
   /// depend on it.
   std::string accelerator;

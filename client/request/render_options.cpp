@@ -151,6 +151,7 @@ void add_sampling_options(CLI::App& command, RenderOptions& options) {
       ->check(cli::finite_range(1e-3, 64.0))
       ->type_name("W")
       ->group(group);
+  add_guiding_option(command, options.guiding)->group(group);
   command
       .add_option("--clamp", options.clamp,
                   "Maximum radiance per sample and channel (default: off); clamped images are not "
@@ -219,6 +220,12 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
   command.add_flag("--half", options.half, "Write half-precision floats to EXR files")
       ->group(group);
   add_accelerator_option(command, options.accelerator)->group("Comparison");
+}
+
+CLI::Option* add_guiding_option(CLI::App& command, bool& guiding) {
+  return command.add_flag("--guiding", guiding,
+                          "Guide paths by photons: less noise where light comes through glass or "
+                          "narrow openings");
 }
 
 CLI::Option* add_accelerator_option(CLI::App& command, std::string& accelerator) {
@@ -328,6 +335,7 @@ absl::StatusOr<contract::RenderSettings> settings_of(const RenderOptions& option
   settings.half = options.half;
   settings.clamp = options.clamp;
   settings.cull_backfaces = options.cull_backfaces;
+  settings.guiding = options.guiding;
   settings.accelerator = options.accelerator;
   // from_message checks the range of every setting.
   const auto checked_settings = contract::from_message(contract::to_message(settings));

@@ -10,11 +10,15 @@
 #include "absl/strings/str_cat.h"
 #include "contract/hilbert.h"
 #include "worker/accel/traversal/thread_counts.h"
+#include "worker/guide/guide.h"
+#include "worker/guide/photon_trace.h"
 #include "worker/light/light_sampler.h"
 #include "worker/render/camera/camera_rays.h"
 #include "worker/render/float_control.h"
 #include "worker/render/path/path_tracer.h"
 #include "worker/render/pixel_sums.h"
+#include "worker/sampling/dimensions.h"
+#include "worker/sampling/sampler.h"
 #include "worker/scene/features.h"
 #include "worker/shading/surface/shading_scene.h"
 
@@ -65,6 +69,7 @@ class PathTracingFrame final : public FrameRenderer {
   const CameraRays camera_;
   const SceneAccel accel_;
   const LightSampler lights_;
+  const std::unique_ptr<const Guide> guide_;  // null unless the job asks for it and it gains
   const PixelFilterSampler filter_;
   const FrameContext context_;
   const float clamp_at_;
@@ -125,6 +130,43 @@ CameraRays camera_rays(const Scene& scene, const contract::RenderSettings& setti
   return rays;
 }
 
+/// A ParallelFor that checks the floating-point mode of the thread before each body.
+ParallelFor checked(const ParallelFor& parallel_for) {
+  return [&parallel_for](std::int64_t count, const std::function<void(std::int64_t)>& body) {
+    parallel_for(count, [&body](std::int64_t i) {
+      require_ieee_floats("before a part of the guide");
+      body(i);
+    });
+  };
+}
+
+/// Camera rays to random points of the full frame.
+std::vector<Ray> views(const CameraRays& camera, const contract::RenderSettings& settings,
+                       std::int32_t frame) {
+  constexpr std::int32_t kViews = 4096;
+  std::vector<Ray> rays;
+  for (std::int32_t i = 0; i < kViews; ++i) {
+    const Sampler sampler(settings.seed, frame, -1, -1, i);
+    const Vec2f at = sampler.get_2d(dimensions::kFilter);
+    const Vec2f lens = sampler.get_2d(dimensions::kLens);
+    CameraRay ray{{}, {0, 0, 1}, -1};
+    const double x{at.x}, y{at.y};
+    camera.ray(x * settings.width, y * settings.height, lens, &ray);
+    if (ray.t_max < 0) continue;
+    rays.push_back({ray.origin, ray.direction, ray.t_max});
+  }
+  return rays;
+}
+
+std::unique_ptr<const Guide> guide_of(PhotonScene scene, const CameraRays& camera,
+                                      const contract::RenderSettings& settings,
+                                      const ParallelFor& parallel_for) {
+  if (!settings.guiding) return nullptr;
+  const std::vector<Ray> rays = views(camera, settings, scene.frame);
+  scene.camera_rays = rays;
+  return build_guide(scene, checked(parallel_for));
+}
+
 PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& settings,
                                    std::int32_t frame, const ParallelFor& parallel_for,
                                    const FrameRenderer* before, const TraceOptions& tracing)
@@ -134,6 +176,16 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
       accel_(timed_accel(scene_, parallel_for, before, with_counts(tracing, settings.aovs),
                          &timings_.accel_build_seconds)),
       lights_(scene_, shading_),
+      guide_(guide_of({scene_,
+                       shading_,
+                       accel_,
+                       lights_,
+                       settings.max_depth,
+                       settings.seed,
+                       frame,
+                       !scene_.key_times.empty(),
+                       {}},
+                      camera_, settings, parallel_for)),
       filter_(settings.filter, settings.filter_width),
       context_{shading_,
                accel_,
@@ -149,11 +201,12 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                frame,
                settings.aovs,
                !scene_.key_times.empty() || !scene_.camera.keys.empty() ||
-                   shading_.assumes(kFeatureMotion)},
+                   shading_.assumes(kFeatureMotion),
+               guide_.get()},
       clamp_at_(static_cast<float>(settings.clamp)),
       aovs_(settings.aovs) {
-  timings_.memory_bytes =
-      scene_bytes(scene_) + shading_.memory_bytes + accel_.memory_bytes() + lights_.memory_bytes();
+  timings_.memory_bytes = scene_bytes(scene_) + shading_.memory_bytes + accel_.memory_bytes() +
+                          lights_.memory_bytes() + (guide_ == nullptr ? 0 : guide_->memory_bytes());
 }
 
 contract::FilmBlock PathTracingFrame::render(const contract::PixelRect& rect,

@@ -34,7 +34,7 @@ struct BenchOptions {
   std::string references, accelerator, environment;
   std::vector<int> spp = {8, 64, 512};
   int seeds = 3, threads = 1;
-  bool json = false;
+  bool guiding = false, json = false;
 };
 
 /// A scene and its reference.
@@ -101,6 +101,7 @@ absl::StatusOr<Subject> open_subject(const BenchOptions& options, const std::str
   }
   RenderOptions render = subject.reference.render;
   render.accelerator = options.accelerator;
+  render.guiding = options.guiding;  // not that of the reference: the expected image is the same
   render.scene = scene;
   render.environment = options.environment;
   auto job = prepare_job(render, subject.name);
@@ -264,6 +265,7 @@ void add_bench_command(CLI::App& app, Invocation& invocation) {
                    "Environment map of all scenes, the same file as for the references")
       ->type_name("FILE");
   add_accelerator_option(*command, options->accelerator);
+  add_guiding_option(*command, options->guiding);
   command->add_flag("--json", options->json, "Print JSON (tessera.bench/1)");
   command->footer(
       "Prints relMSE against the reference and CPU seconds (median and range over seeds), CPU "

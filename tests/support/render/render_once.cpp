@@ -226,6 +226,7 @@ int main(int argc, char** argv) {
   app.add_option("--background", o.background, "R,G,B, none or auto");
   app.add_option("--exposure", o.exposure, "Stops");
   app.add_flag("--cull-backfaces", o.settings.cull_backfaces);
+  app.add_flag("--guiding", o.settings.guiding);
   app.add_option("--assume", o.assumed, "Features that everything is taken to have")
       ->delimiter(',')
       ->check([](const std::string& name) {

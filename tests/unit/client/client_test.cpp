@@ -122,7 +122,8 @@ TEST(RenderOptions, EachOptionSetsItsField) {
                                             "--half",
                                             "--clamp",
                                             "10",
-                                            "--cull-backfaces"}),
+                                            "--cull-backfaces",
+                                            "--guiding"}),
                                     "environment/sky.exr");
   ASSERT_TRUE(settings.ok()) << settings.status();
   EXPECT_EQ(settings->crop, (contract::PixelRect{1, 2, 30, 20}));
@@ -146,6 +147,7 @@ TEST(RenderOptions, EachOptionSetsItsField) {
   EXPECT_TRUE(settings->half);
   EXPECT_EQ(settings->clamp, 10);
   EXPECT_TRUE(settings->cull_backfaces);
+  EXPECT_TRUE(settings->guiding);
 }
 
 TEST(RenderOptions, ErrorNamesWrongOption) {

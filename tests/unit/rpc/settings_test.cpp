@@ -36,6 +36,7 @@ RenderSettings unusual() {
   settings.half = true;
   settings.clamp = 10;
   settings.cull_backfaces = true;
+  settings.guiding = true;
   return settings;
 }
 
@@ -69,6 +70,7 @@ TEST(SettingsMessage, EveryFieldRoundTrips) {
     EXPECT_EQ(back->half, settings.half);
     EXPECT_EQ(back->clamp, settings.clamp);
     EXPECT_EQ(back->cull_backfaces, settings.cull_backfaces);
+    EXPECT_EQ(back->guiding, settings.guiding);
   }
 }
 

@@ -84,6 +84,7 @@ absl::StatusOr<RecordedRays> record_rays(const Scene& scene, contract::RenderSet
   settings.width = kPixelsAcross;
   settings.max_depth = kDepth;
   settings.aovs = 0;
+  settings.guiding = false;  // no rays of photons
   RecordedRays rays;
   const TraceOptions recording(best_isa(), [&rays](const Scene& of) {
     return std::make_unique<const RayRecorder>(of, &rays);

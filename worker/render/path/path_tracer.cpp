@@ -8,6 +8,8 @@
 
 #include "worker/accel/traversal/thread_counts.h"
 #include "worker/geometry/surface_point.h"
+#include "worker/guide/guide.h"
+#include "worker/guide/guided_bsdf.h"
 #include "worker/media/medium_stack.h"
 #include "worker/media/medium_traversal.h"
 #include "worker/media/phase.h"
@@ -45,6 +47,7 @@ struct Path {
   bool from_camera = true;          // only alpha holes so far
   bool specular_bounce = true;      // the ray cannot come from light sampling: no MIS
   float pdf = 0;                    // of the last scattering, over solid angle
+  float unguided = 1;               // factor by which guides have lowered `throughput`
   LightSampleContext scattered_at;  // position of the last scattering
   float footprint = 0;   // pixel footprint at the ray's origin, metres, and its growth per metre;
   float growth = 0;      // 0 after non-specular scattering: footprints are then points
@@ -88,6 +91,7 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
   Vec3f medium_transmittance(const Ray& ray);
   Bsdf bsdf_at_hit(ShadingPoint point, const Vec4f& base) const;
   bool survives(float u);
+  void choose_lobe(const Bsdf& bsdf, const SurfacePoint& position);
   bool draw_light(const LightSampleContext& context, std::uint32_t set, LightSample* light);
   bool scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
                const SurfacePoint& position);
@@ -105,6 +109,7 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
   std::int32_t max_depth_;           // of the image, or of a path that is continued for the report
   std::optional<PathResult> image_;  // result for the image before the path was continued
   Path path_;
+  GuideLobe lobe_;  // at the surface where the path is
   std::conditional_t<kMedia, MediaState, NoMedia> media_;
 };
 
@@ -219,6 +224,8 @@ bool PathTracer<kMedia>::step(const Hit& hit) {
   }
   if (passes_straight(bsdf, hit, position)) return true;
   if (is_cut()) return false;
+  if (frame_.guide != nullptr) [[unlikely]]
+    choose_lobe(bsdf, position);
   const TriangleId left = point.raised ? TriangleId{} : hit.id;
   add_direct(bsdf, left, position);
   return scatter(point, bsdf, left, position);
@@ -388,7 +395,10 @@ void PathTracer<kMedia>::add_direct(const Bsdf& bsdf, const TriangleId& id,
   ray.time = path_.ray.time;
   const Vec3f visibility = light_through(ray, light);
   if (!(max_component(visibility) > 0)) return;
-  const float weight = light.pdf > 0 ? power_heuristic(light.pdf, value.pdf) : 1.0f;
+  float pdf = value.pdf;
+  if (lobe_.probability > 0) [[unlikely]]
+    pdf = lerp(pdf, lobe_.pdf(light.direction), lobe_.probability);
+  const float weight = light.pdf > 0 ? power_heuristic(light.pdf, pdf) : 1.0f;
   const Vec3f added =
       path_.throughput * value.f_cos * light.radiance_over_pdf * visibility * weight;
   path_.result.radiance += added;
@@ -440,11 +450,12 @@ Vec3f PathTracer<kMedia>::medium_transmittance(const Ray& ray) {
   return {1, 1, 1};
 }
 
-/// Counts a scattering event and applies Russian roulette.
+/// Counts a scattering event and applies Russian roulette, with the probabilities of a path that
+/// follows no guide: a guide leads to where more light is by as much as it lowers the throughput.
 template <bool kMedia>
 bool PathTracer<kMedia>::survives(float u) {
   ++path_.depth;
-  const float survival = max_component(path_.throughput) / kRouletteWeight;
+  const float survival = max_component(path_.throughput) * path_.unguided / kRouletteWeight;
   if (path_.depth > kRouletteDepth && !(survival >= 1)) {
     const bool survived = u < survival;
     if (survived) path_.throughput = path_.throughput / survival;
@@ -455,12 +466,23 @@ bool PathTracer<kMedia>::survives(float u) {
   return true;
 }
 
+/// Sets the lobe that the path may follow from `position`. It replaces the diffuse lobe only,
+/// because it does not know the shape of others.
+template <bool kMedia>
+void PathTracer<kMedia>::choose_lobe(const Bsdf& bsdf, const SurfacePoint& position) {
+  lobe_ = frame_.guide->at(position.position, bsdf.frame.geometric_normal);
+  lobe_.probability *= bsdf.cosine_probability;
+}
+
 template <bool kMedia>
 bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
                                  const SurfacePoint& position) {
   const Vec4f u = sampler_.get_4d(dimensions::bsdf(bounce()));
   BsdfSample next;
-  if (!sample_bsdf(bsdf, u.z, {u.x, u.y}, &next)) return false;
+  const bool scatters = lobe_.probability > 0
+                            ? sample_guided(bsdf, lobe_, u, &next, &path_.unguided)
+                            : sample_bsdf(bsdf, u.z, {u.x, u.y}, &next);
+  if (!scatters) return false;
   path_.throughput *= next.weight;
   if (PathObserver* observer = scratch_->observer) [[unlikely]]
     observer->on_scatter(next, path_.throughput);

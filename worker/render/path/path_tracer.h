@@ -19,6 +19,8 @@
 
 namespace tessera::render {
 
+class Guide;
+
 /// Data shared by all paths of a frame. Immutable while paths are traced.
 struct FrameContext {
   const ShadingScene& shading;
@@ -32,8 +34,9 @@ struct FrameContext {
   bool cull_backfaces = false;
   std::uint32_t seed = 0;
   std::int32_t frame = 0;
-  std::uint32_t aovs = 0;  // contract::Aov bits
-  bool moves = false;      // something moves during the exposure: rays have times
+  std::uint32_t aovs = 0;        // contract::Aov bits
+  bool moves = false;            // something moves during the exposure: rays have times
+  const Guide* guide = nullptr;  // directions of light for --guiding; may be null
 };
 
 /// Memory of a thread for tracing paths, so that no path allocates.

@@ -1,0 +1,135 @@
+/// tessera-bench-guiding: relMSE against a guided reference, and CPU seconds, of one scene with and
+/// without path guiding. Both are rendered one after the other for each seed.
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tests/bench/coverage/reference.h"
+#include "tests/support/cpu_seconds.h"
+#include "tests/support/render/seeded_frames.h"
+
+namespace tessera::bench {
+namespace {
+
+using nlohmann::ordered_json;
+using testing::cpu_seconds;
+using testing::SeededRenderer;
+
+struct Options {
+  std::string scene;
+  contract::RenderSettings settings;
+  int seeds = 8, spp = 64, guided_spp = 64, reference_spp = 16384;
+};
+
+/// Mean over pixels and channels of the squared error divided by ref^2 + 0.01, less the reference's
+/// own variance.
+double relative_square(const Image& image, const Reference& reference) {
+  double sum = 0;
+  for (std::size_t i = 0; i < image.size(); ++i) {
+    const double difference = image[i] - reference.mean[i];
+    sum += (difference * difference - reference.variance[i]) /
+           (reference.mean[i] * reference.mean[i] + 0.01);
+  }
+  return sum / static_cast<double>(image.size());
+}
+
+/// relMSE that a reference has by its own variance.
+double own_relative_square(const Reference& reference) {
+  double sum = 0;
+  for (std::size_t i = 0; i < reference.mean.size(); ++i) {
+    sum += reference.variance[i] / (reference.mean[i] * reference.mean[i] + 0.01);
+  }
+  return sum / static_cast<double>(reference.mean.size());
+}
+
+/// Figures of the seeds rendered in one way.
+struct Runs {
+  std::vector<double> errors;  // relMSE
+  double build = 0, render = 0;
+};
+
+absl::Status add_run(SeededRenderer& renderer, const contract::TileGrid& grid, std::uint32_t seed,
+                     int spp, const Reference& reference, Runs& runs) {
+  const double start = cpu_seconds();
+  absl::Status status = renderer.use_seed(seed);
+  if (!status.ok()) return status;
+  const double built = cpu_seconds();
+  const Image image = testing::render_fixed(renderer, grid, spp, 0).image;
+  runs.build += built - start;
+  runs.render += cpu_seconds() - built;
+  runs.errors.push_back(relative_square(image, reference));
+  return absl::OkStatus();
+}
+
+ordered_json json_of(const Runs& runs, int spp) {
+  const auto count = static_cast<double>(runs.errors.size());
+  double mean = 0, square = 0;
+  for (const double error : runs.errors) mean += error / count;
+  for (const double error : runs.errors) square += (error - mean) * (error - mean);
+  return {{"spp", spp},
+          {"relmse", mean},
+          {"relmse_error", std::sqrt(square / (count * std::max(count - 1, 1.0)))},
+          {"build_seconds", runs.build / count},
+          {"render_seconds", runs.render / count}};
+}
+
+int run(const Options& options) {
+  contract::RenderSettings guided_settings = options.settings;
+  guided_settings.guiding = true;
+  SeededRenderer plain(options.scene, options.settings), guided(options.scene, guided_settings);
+  absl::Status status = plain.load();
+  if (status.ok()) status = guided.load();
+  const contract::TileGrid grid(options.settings);
+  const auto reference = status.ok() ? render_reference(guided, grid, options.reference_spp)
+                                     : absl::StatusOr<Reference>(status);
+  Runs plain_runs, guided_runs;
+  status = reference.status();
+  for (int seed = 1; seed <= options.seeds && status.ok(); ++seed) {
+    const auto number = static_cast<std::uint32_t>(seed);
+    status = add_run(plain, grid, number, options.spp, *reference, plain_runs);
+    if (!status.ok()) break;
+    status = add_run(guided, grid, number, options.guided_spp, *reference, guided_runs);
+  }
+  if (!status.ok()) {
+    std::fprintf(stderr, "guiding: %s\n", status.ToString().c_str());
+    return 2;
+  }
+  const ordered_json row = {{"scene", std::filesystem::path(options.scene).stem().string()},
+                            {"width", options.settings.width},
+                            {"height", options.settings.height},
+                            {"seeds", options.seeds},
+                            {"reference_relmse", own_relative_square(*reference)},
+                            {"reference_mean", reference->luminance},
+                            {"plain", json_of(plain_runs, options.spp)},
+                            {"guided", json_of(guided_runs, options.guided_spp)}};
+  std::printf("%s\n", row.dump().c_str());
+  return 0;
+}
+
+}  // namespace
+}  // namespace tessera::bench
+
+int main(int argc, char** argv) {
+  tessera::bench::Options o;
+  o.settings.width = o.settings.height = 64;
+  o.settings.max_depth = 8;
+  CLI::App app("Measures what path guiding does to the error and the CPU time of a scene");
+  app.add_option("scene", o.scene)->required();
+  app.add_option("--spp", o.spp, "Samples per pixel without guiding")
+      ->check(CLI::Range(4, 1 << 20));
+  app.add_option("--guided-spp", o.guided_spp)->check(CLI::Range(4, 1 << 20));
+  app.add_option("--seeds", o.seeds)->check(CLI::Range(1, 100'000));
+  app.add_option("--reference-spp", o.reference_spp)->check(CLI::Range(64, 1 << 20));
+  app.add_option("--width", o.settings.width);
+  app.add_option("--height", o.settings.height);
+  app.add_option("--max-depth", o.settings.max_depth);
+  CLI11_PARSE(app, argc, argv);
+  return tessera::bench::run(o);
+}

@@ -1,0 +1,247 @@
+#include "worker/guide/guide.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "worker/geometry/frame.h"
+#include "worker/guide/octahedral.h"
+#include "worker/guide/photon_source.h"
+#include "worker/guide/recentred.h"
+#include "worker/guide/visible_region.h"
+#include "worker/render/parallel_threads.h"
+#include "worker/sampling/warp.h"
+
+namespace tessera::render {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kSide = 512;
+
+/// Mean of f over midpoints of a grid of the unit square.
+template <typename F>
+double grid_mean(int side, F f) {
+  double sum = 0;
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) {
+      const auto n = static_cast<float>(side);
+      sum += f(Vec2f{(static_cast<float>(x) + 0.5f) / n, (static_cast<float>(y) + 0.5f) / n});
+    }
+  }
+  return sum / (side * side);
+}
+
+/// Integral of f over the sphere.
+template <typename F>
+double sphere_integral(int side, F f) {
+  return grid_mean(side, [&](Vec2f p) {
+    const Vec3f d = octahedral::direction_of_square(p);
+    return static_cast<double>(f(d)) / static_cast<double>(octahedral::density(d));
+  });
+}
+
+TEST(Octahedral, DensityAndMomentsAreThoseOfSphere) {
+  // The integrand is piecewise smooth, so the midpoint rule has an error of O(1 / side^2).
+  EXPECT_NEAR(sphere_integral(kSide, [](const Vec3f&) { return 1.0f; }), 4 * kPi, 1e-4);
+  for (int axis = 0; axis < 3; ++axis) {
+    EXPECT_NEAR(sphere_integral(kSide, [axis](const Vec3f& d) { return d[axis]; }), 0, 1e-4);
+    EXPECT_NEAR(sphere_integral(kSide, [axis](const Vec3f& d) { return d[axis] * d[axis]; }),
+                4 * kPi / 3, 1e-4);
+  }
+}
+
+TEST(Octahedral, DirectionsReturnToTheirPoint) {
+  grid_mean(kSide, [](Vec2f p) {
+    const Vec2f back = octahedral::square_of(octahedral::direction_of_square(p));
+    EXPECT_NEAR(back.x, p.x, 1e-6f);
+    EXPECT_NEAR(back.y, p.y, 1e-6f);
+    return 0.0;
+  });
+}
+
+TEST(Recentred, InverseAndDensityAgree) {
+  const Vec3f offset{0.3f, -0.5f, 0.2f};
+  for (const float radius : {0.0f, 0.8f, 3.0f}) {
+    // A density of 1 / (4 pi) at the centre integrates to 1 at the offset.
+    EXPECT_NEAR(
+        sphere_integral(kSide, [&](const Vec3f& d) { return recentred(offset, d, radius).scale; }),
+        4 * kPi, 1e-3)
+        << radius;
+    grid_mean(64, [&](Vec2f p) {
+      const Vec3f d = octahedral::direction_of_square(p);
+      const Vec3f back = direction_from(offset, recentred(offset, d, radius).direction, radius);
+      EXPECT_LT(length(back - d), 3e-6f);
+      return 0.0;
+    });
+  }
+}
+
+/// Points of a wide lobe and of a narrow one, with unequal weights.
+std::vector<DirectionPoint> lobes(int count) {
+  PhotonRandom random(7);
+  std::vector<DirectionPoint> points;
+  for (int i = 0; i < count; ++i) {
+    const bool narrow = i % 3 == 0;
+    const float size = narrow ? 0.01f : 0.6f;
+    const Vec2f u = random.next_2d();
+    const Vec2f p{0.37f + size * (u.x - 0.5f), 0.62f + size * (u.y - 0.5f)};
+    points.push_back({direction_code(p), narrow ? 2.0f : 1.0f});
+  }
+  return points;
+}
+
+TEST(DirectionTree, DensityIntegratesToOne) {
+  auto points = lobes(2000);
+  const auto tree = build_direction_tree(points);
+  EXPECT_GT(tree.size(), 20u);
+  // No leaf is smaller than 2^-11, so the midpoints give the exact sum of the leaves.
+  EXPECT_NEAR(
+      grid_mean(2048, [&](Vec2f p) { return double{direction_tree_density(tree.data(), p)}; }), 1,
+      1e-5);
+}
+
+TEST(DirectionTree, IsTheSameForAnyOrderOfPoints) {
+  auto points = lobes(2000);
+  auto reversed = points;
+  std::reverse(reversed.begin(), reversed.end());
+  const auto a = build_direction_tree(points), b = build_direction_tree(reversed);
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].share, b[i].share);
+    EXPECT_EQ(a[i].child, b[i].child);
+  }
+}
+
+TEST(DirectionTree, NarrowLobeIsDenserByItsWeight) {
+  auto points = lobes(30000);
+  const auto tree = build_direction_tree(points);
+  // Half of the weight is in a square of side 0.01; leaves end at most one size below it.
+  const float inside = direction_tree_density(tree.data(), {0.37f, 0.62f});
+  EXPECT_GT(inside, 0.5f / (0.01f * 0.01f) / 2);
+  EXPECT_LT(inside, 0.5f / (0.01f * 0.01f) * 2);
+  // Half of it is spread over a square of side 0.6.
+  EXPECT_NEAR(direction_tree_density(tree.data(), {0.55f, 0.5f}), 0.5f / 0.36f, 0.5f);
+}
+
+/// Counts samples of a lobe in bins of the square and returns how far chi-square is above its mean,
+/// in standard deviations.
+double excess_chi_square(const GuideLobe& lobe, int samples) {
+  constexpr int kBins = 32;
+  std::vector<double> counts(kBins * kBins), expected(kBins * kBins);
+  PhotonRandom random(11);
+  for (int i = 0; i < samples; ++i) {
+    const Vec2f p = octahedral::square_of(lobe.sample(random.next_2d()));
+    ++counts[static_cast<std::size_t>(p.y * kBins) * kBins + static_cast<std::size_t>(p.x * kBins)];
+  }
+  const int fine = 64;
+  grid_mean(kBins * fine, [&](Vec2f p) {
+    const Vec3f d = octahedral::direction_of_square(p);
+    const double share =
+        static_cast<double>(lobe.pdf(d)) / static_cast<double>(octahedral::density(d));
+    expected[static_cast<std::size_t>(p.y * kBins) * kBins +
+             static_cast<std::size_t>(p.x * kBins)] +=
+        share * samples / (kBins * kBins * fine * fine);
+    return 0.0;
+  });
+  double chi = 0;
+  int cells = 0;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (expected[i] < 5) continue;  // the usual limit
+    const double difference = counts[i] - expected[i];
+    chi += difference * difference / expected[i];
+    ++cells;
+  }
+  EXPECT_GT(cells, 20);
+  return (chi - cells) / std::sqrt(2.0 * cells);
+}
+
+TEST(GuideLobe, PdfMatchesSamplesAndIntegratesToOne) {
+  auto points = lobes(2000);
+  const auto tree = build_direction_tree(points);
+  for (const float radius : {0.0f, 0.9f, 4.0f}) {
+    const GuideLobe lobe{0.5f, radius, {0.3f, -0.4f, 0.1f}, tree.data()};
+    // With a radius the leaves' borders are not those of the grid. The narrow lobe, half of the
+    // density, covers at least 400 of its cells; some 80 at its border are right by 0.3 cells each,
+    // so the sum by 2.6 cells (one standard deviation), or 3e-3 of the whole.
+    const double tolerance = radius > 0 ? 1.5e-2 : 1e-4;
+    EXPECT_NEAR(sphere_integral(2048, [&](const Vec3f& d) { return lobe.pdf(d); }), 1, tolerance)
+        << radius;
+    EXPECT_LT(excess_chi_square(lobe, 200'000), 5) << radius;  // 3e-7 by chance
+  }
+}
+
+/// Photons on a floor of 2 x 2 m, from directions that `from` returns for a position.
+template <typename F>
+std::vector<Photon> floor_photons(int count, F from) {
+  PhotonRandom random(3);
+  std::vector<Photon> photons;
+  for (int i = 0; i < count; ++i) {
+    const Vec2f at = random.next_2d();
+    const Vec3f position{2 * at.x - 1, 0, 2 * at.y - 1};
+    const Vec3f direction = from(position, random.next_2d());
+    photons.push_back({position, direction, {0, 1, 0}, 1});
+  }
+  return photons;
+}
+
+Vec3f from_lamp(const Vec3f& position, Vec2f u) {
+  return normalize(Vec3f{0.2f + 0.02f * u.x, 1.5f, 0.1f + 0.02f * u.y} - position);
+}
+
+TEST(Guide, PhotonsFromAllSidesNeedNone) {
+  const Frame up = Frame::from_normal({0, 1, 0});
+  const auto photons = floor_photons(20'000, [&](const Vec3f& /*position*/, Vec2f u) {
+    return up.to_world(warp::cosine_hemisphere(u));
+  });
+  EXPECT_EQ(Guide::from_photons(photons, sequential()), nullptr);
+  EXPECT_EQ(Guide::from_photons({}, sequential()), nullptr);
+}
+
+TEST(Guide, PhotonsFromLampLeadToIt) {
+  const auto guide = Guide::from_photons(floor_photons(20'000, from_lamp), sequential());
+  ASSERT_NE(guide, nullptr);
+  for (const Vec3f& at : {Vec3f{0.1f, 0, 0.1f}, Vec3f{-0.7f, 0, 0.6f}, Vec3f{0.9f, 0, -0.8f}}) {
+    const GuideLobe lobe = guide->at(at, {0, 1, 0});
+    ASSERT_GT(lobe.probability, 0.6f);
+    // The lamp of 0.02 x 0.02 m subtends less than 2e-4 sr. Without the radius, the directions of a
+    // cell of about 0.3 x 0.3 m fill about 4e-2 sr.
+    EXPECT_GT(lobe.pdf(from_lamp(at, {0.5f, 0.5f})), 300);
+    EXPECT_LT(lobe.pdf(normalize(Vec3f{1, 1, 0})), 1);
+  }
+  EXPECT_EQ(guide->at({0, 0, 0}, {0, -1, 0}).probability, 0) << "no photon arrived below";
+  EXPECT_EQ(guide->at({3, 0, 0}, {0, 1, 0}).probability, 0) << "nor beside the floor";
+}
+
+TEST(Guide, SmallShareOfLightIsNotGuided) {
+  auto photons = floor_photons(20'000, from_lamp);
+  for (Photon& photon : photons) photon.share = 1e-4f;
+  EXPECT_EQ(Guide::from_photons(photons, sequential()), nullptr);
+}
+
+TEST(Guide, IsTheSameForAnyNumberOfThreads) {
+  const auto photons = floor_photons(20'000, from_lamp);
+  const auto one = Guide::from_photons(photons, sequential());
+  const auto four = Guide::from_photons(photons, parallel_threads(4));
+  ASSERT_TRUE(one != nullptr && four != nullptr);
+  EXPECT_EQ(one->fingerprint(), four->fingerprint());
+}
+
+TEST(VisibleRegion, ContainsPlacesAndWhatIsNearAndFacesAlike) {
+  const std::vector<SurfacePlace> places = {{{-1, 0, -1}, {0, 1, 0}}, {{2, 0, 2}, {0, 1, 0}}};
+  const VisibleRegion region(places);
+  // Cells are a thirtieth of 3 m wide, so 0.1 m; a neighbour is at most 0.2 m away.
+  for (const SurfacePlace& place : places) {
+    EXPECT_TRUE(region.contains(place));
+    EXPECT_TRUE(region.contains({place.position + Vec3f{0.09f, 0, -0.09f}, {0, 0.9f, 0.1f}}));
+    EXPECT_FALSE(region.contains({place.position + Vec3f{0.25f, 0, 0}, {0, 1, 0}}));
+    EXPECT_FALSE(region.contains({place.position, {0, -1, 0}})) << "the other side";
+  }
+  EXPECT_FALSE(region.contains({{2.5f, 0, 2}, {0, 1, 0}})) << "outside the grid";
+  EXPECT_EQ(region.seen_cells().size(), 2u);
+  EXPECT_TRUE(VisibleRegion().contains({{5, 5, 5}, {1, 0, 0}})) << "all of space";
+}
+
+}  // namespace
+}  // namespace tessera::render

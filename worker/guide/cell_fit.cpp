@@ -1,0 +1,134 @@
+#include "worker/guide/cell_fit.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "worker/guide/octahedral.h"
+#include "worker/guide/recentred.h"
+#include "worker/math/elementary.h"
+#include "worker/sampling/warp.h"
+
+namespace tessera::render {
+namespace {
+
+/// Cells with fewer photons are not guided.
+constexpr std::size_t kMinPhotons = 32;
+/// Part of the box's longest side by which it is larger than the photons' own.
+constexpr float kMargin = 1.0f / 16;
+/// Radii that are tried, as multiples of half the box's diagonal.
+constexpr float kFirstRadius = 1.25f, kNextRadius = 1.5f;
+constexpr int kRadii = 11;
+/// Photons at grazing angles count as if they had this cosine.
+constexpr float kMinCosine = 0.02f;
+/// Probability of following the guide: 0 below kMinGain, kMaxProbability for an infinite gain.
+/// Measured: docs/notes/guiding.md.
+/// Cells where light causes less relative variance than this are not guided.
+constexpr float kMinVariance = 0.1f;
+constexpr float kMinGain = 1.5f, kMaxProbability = 0.75f;
+
+Box3f padded_box(std::span<const Photon> photons) {
+  Box3f box;
+  for (const Photon& photon : photons) box.extend(photon.position);
+  const float pad = max_component(box.hi - box.lo) * kMargin;
+  box.lo = box.lo - Vec3f{pad, pad, pad};
+  box.hi = box.hi + Vec3f{pad, pad, pad};
+  return box;
+}
+
+/// A photon seen from the centre.
+struct Seen {
+  Vec2f point;      // of the square
+  float scale = 1;  // density over solid angle at the photon per density in the square
+};
+
+/// The photons of a cell, recentred for one radius.
+class Projection {
+ public:
+  Projection(std::span<const Photon> photons, const Vec3f& centre, float radius)
+      : photons_(photons) {
+    seen_.reserve(photons.size());
+    for (const Photon& photon : photons) {
+      const Recentred r = recentred(photon.position - centre, photon.direction, radius);
+      seen_.push_back(
+          {octahedral::square_of(r.direction), r.scale * octahedral::density(r.direction)});
+    }
+  }
+
+  /// A tree of every `step`-th photon.
+  std::vector<DirectionNode> tree(std::size_t first, std::size_t step) const {
+    std::vector<DirectionPoint> points;
+    points.reserve(seen_.size() / step + 1);
+    for (std::size_t i = first; i < seen_.size(); i += step) {
+      points.push_back({direction_code(seen_[i].point), photons_[i].flux});
+    }
+    return build_direction_tree(points);
+  }
+
+  struct Prediction {
+    double log_density = 0;  // means over the photons that are predicted, weighted by flux
+    double gain = 0;
+  };
+  /// How well each half of the photons predicts the other half.
+  Prediction predict() const {
+    Prediction sum;
+    double weight = 0;
+    for (const std::size_t half : {std::size_t{0}, std::size_t{1}}) {
+      const std::vector<DirectionNode> other = tree(1 - half, 2);
+      for (std::size_t i = half; i < seen_.size(); i += 2) {
+        const Photon& photon = photons_[i];
+        const float density = seen_[i].scale * direction_tree_density(other.data(), seen_[i].point);
+        const float cosine = std::max(dot(photon.direction, photon.normal), kMinCosine);
+        const double flux{photon.flux};
+        weight += flux;
+        sum.log_density += flux * double{elementary::log(density)};
+        sum.gain += flux * double{density / (cosine * warp::kInvPi)};
+      }
+    }
+    return {sum.log_density / weight, sum.gain / weight};
+  }
+
+ private:
+  std::span<const Photon> photons_;
+  std::vector<Seen> seen_;
+};
+
+float mean_share(std::span<const Photon> photons) {
+  double sum = 0, flux = 0;
+  for (const Photon& photon : photons) {
+    sum += double{photon.share} * double{photon.flux};
+    flux += double{photon.flux};
+  }
+  return static_cast<float>(sum / flux);
+}
+
+/// `share`: of the light of the cell that only paths find. The relative variance that it causes in
+/// a sample by cosine is (gain - 1) share^2.
+float probability_of(float gain, float share) {
+  if (!((gain - 1) * share * share > kMinVariance)) return 0;
+  return gain > kMinGain ? kMaxProbability * (1 - kMinGain / gain) : 0;
+}
+
+}  // namespace
+
+CellFit fit_cell(std::span<const Photon> photons) {
+  CellFit fit;
+  if (photons.size() < kMinPhotons) return fit;
+  fit.box = padded_box(photons);
+  fit.centre = (fit.box.lo + fit.box.hi) * 0.5f;
+  const float reach = length(fit.box.hi - fit.centre);
+  Projection::Prediction best;
+  float radius = reach * kFirstRadius;
+  for (int i = 0; i <= kRadii; ++i, radius *= kNextRadius) {
+    const float tried = i == kRadii ? 0 : radius;
+    const Projection::Prediction found = Projection(photons, fit.centre, tried).predict();
+    if (i > 0 && !(found.log_density > best.log_density)) continue;
+    best = found;
+    fit.radius = tried;
+  }
+  fit.gain = static_cast<float>(best.gain);
+  fit.probability = probability_of(fit.gain, mean_share(photons));
+  if (fit.probability > 0) fit.tree = Projection(photons, fit.centre, fit.radius).tree(0, 1);
+  return fit;
+}
+
+}  // namespace tessera::render

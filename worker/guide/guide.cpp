@@ -1,0 +1,133 @@
+#include "worker/guide/guide.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "worker/guide/cell_fit.h"
+#include "worker/guide/octahedral.h"
+#include "worker/guide/recentred.h"
+#include "worker/guide/visible_region.h"
+
+namespace tessera::render {
+namespace {
+
+/// Cells with more photons are divided. Measured: docs/notes/guiding.md.
+constexpr std::size_t kMaxPhotons = 512;
+constexpr std::uint32_t kLeaf = 3;
+
+int longest_axis(std::span<const Photon> photons) {
+  Box3f box;
+  for (const Photon& photon : photons) box.extend(photon.position);
+  const Vec3f size = box.hi - box.lo;
+  return size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+}
+
+/// A total order, so that the halves of a range are the same sets everywhere.
+bool precedes_along(const Photon& a, const Photon& b, int axis) {
+  for (int k = 0; k < 3; ++k, axis = (axis + 1) % 3) {
+    if (a.position[axis] != b.position[axis]) return a.position[axis] < b.position[axis];
+  }
+  for (int k = 0; k < 3; ++k) {
+    if (a.direction[k] != b.direction[k]) return a.direction[k] < b.direction[k];
+  }
+  return a.flux < b.flux;
+}
+
+template <typename T>
+void append_bytes(const T& value, std::vector<std::byte>* bytes) {
+  const auto* data = reinterpret_cast<const std::byte*>(&value);
+  bytes->insert(bytes->end(), data, data + sizeof(T));
+}
+
+}  // namespace
+
+Vec3f GuideLobe::sample(const Vec2f& u) const {
+  const Vec2f point = sample_direction_tree(tree, u);
+  return direction_from(offset, octahedral::direction_of_square(point), radius);
+}
+
+float GuideLobe::pdf(const Vec3f& direction) const {
+  const Recentred seen = recentred(offset, direction, radius);
+  return direction_tree_density(tree, octahedral::square_of(seen.direction)) *
+         octahedral::density(seen.direction) * seen.scale;
+}
+
+void Guide::divide(std::span<Photon> photons, std::size_t node, const Range& range,
+                   std::vector<Range>* cells) {
+  const std::size_t count = range.last - range.first;
+  if (count <= kMaxPhotons) {
+    nodes_[node] = {0, kLeaf, static_cast<std::uint32_t>(cells->size())};
+    cells->push_back(range);
+    return;
+  }
+  const int axis = longest_axis(photons.subspan(range.first, count));
+  const std::size_t middle = range.first + count / 2;
+  const auto at = [&](std::size_t i) { return photons.begin() + static_cast<std::ptrdiff_t>(i); };
+  std::nth_element(at(range.first), at(middle), at(range.last),
+                   [axis](const Photon& a, const Photon& b) { return precedes_along(a, b, axis); });
+  const std::size_t below = nodes_.size();
+  nodes_[node] = {photons[middle].position[axis], static_cast<std::uint32_t>(axis),
+                  static_cast<std::uint32_t>(below)};
+  nodes_.resize(below + 2);
+  divide(photons, below, {range.first, middle}, cells);
+  divide(photons, below + 1, {middle, range.last}, cells);
+}
+
+std::unique_ptr<const Guide> Guide::from_photons(std::vector<Photon> photons,
+                                                 const ParallelFor& parallel_for) {
+  auto guide = std::make_unique<Guide>();
+  std::stable_sort(photons.begin(), photons.end(), [](const Photon& a, const Photon& b) {
+    return facing(a.normal) < facing(b.normal);
+  });
+  std::vector<Range> ranges;
+  guide->nodes_.resize(guide->roots_.size());
+  std::size_t first = 0;
+  for (std::size_t side = 0; side < guide->roots_.size(); ++side) {
+    std::size_t last = first;
+    while (last < photons.size() && facing(photons[last].normal) == side) ++last;
+    guide->roots_[side] = static_cast<std::uint32_t>(side);
+    guide->divide(photons, side, {first, last}, &ranges);
+    first = last;
+  }
+  std::vector<CellFit> fits(ranges.size());
+  parallel_for(static_cast<std::int64_t>(ranges.size()), [&](std::int64_t i) {
+    const Range& range = ranges[static_cast<std::size_t>(i)];
+    const auto cell = std::span(photons).subspan(range.first, range.last - range.first);
+    std::sort(cell.begin(), cell.end(),
+              [](const Photon& a, const Photon& b) { return precedes_along(a, b, 0); });
+    fits[static_cast<std::size_t>(i)] = fit_cell(cell);
+  });
+  for (const CellFit& fit : fits) {
+    guide->cells_.push_back({fit.box, fit.centre, fit.radius, fit.probability,
+                             static_cast<std::uint32_t>(guide->trees_.size())});
+    guide->trees_.insert(guide->trees_.end(), fit.tree.begin(), fit.tree.end());
+  }
+  if (guide->trees_.empty()) return nullptr;
+  return guide;
+}
+
+GuideLobe Guide::at(const Vec3f& position, const Vec3f& normal) const {
+  const KdNode* node = &nodes_[roots_[facing(normal)]];
+  while (node->axis != kLeaf) {
+    const bool above = !(position[static_cast<int>(node->axis)] < node->plane);
+    node = &nodes_[node->below + (above ? 1u : 0u)];
+  }
+  const Cell& cell = cells_[node->below];
+  if (!(cell.probability > 0) || !cell.box.contains(position)) return {};
+  return {cell.probability, cell.radius, position - cell.centre, &trees_[cell.tree]};
+}
+
+std::int64_t Guide::memory_bytes() const {
+  return static_cast<std::int64_t>(nodes_.size() * sizeof(KdNode) + cells_.size() * sizeof(Cell) +
+                                   trees_.size() * sizeof(DirectionNode));
+}
+
+std::vector<std::byte> Guide::fingerprint() const {
+  std::vector<std::byte> bytes;
+  for (const KdNode& node : nodes_) append_bytes(node, &bytes);
+  for (const Cell& cell : cells_) append_bytes(cell, &bytes);
+  for (const DirectionNode& node : trees_) append_bytes(node, &bytes);
+  return bytes;
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "worker/accel/scene_accel.h"
+#include "worker/geometry/bounds.h"
+#include "worker/guide/direction_tree.h"
+#include "worker/guide/photon.h"
+#include "worker/math/vector.h"
+
+namespace tessera::render {
+
+/// The distribution of directions that a guide proposes at one point.
+struct GuideLobe {
+  float probability = 0;  // of sampling it instead of the BSDF; 0: unset
+  float radius = 0;       // recentred.h
+  Vec3f offset;           // of the point from the centre of its cell
+  const DirectionNode* tree = nullptr;
+
+  /// Unit direction for u in [0, 1)^2.
+  Vec3f sample(const Vec2f& u) const;
+  /// Density of sample() over solid angle at a unit direction.
+  float pdf(const Vec3f& direction) const;
+};
+
+/// Where light comes from that light sampling does not find: distributions of directions in cells
+/// of space, made from photons. Immutable.
+///
+/// Surfaces are divided by the axis that their normal is closest to, then by a k-d tree into cells
+/// with about equal numbers of photons. The result depends on the order of the photons, not on the
+/// number of threads.
+class Guide {
+ public:
+  /// Null if no cell gains from guiding.
+  static std::unique_ptr<const Guide> from_photons(std::vector<Photon> photons,
+                                                   const ParallelFor& parallel_for);
+
+  /// The lobe at a point of a surface with the geometric normal `normal` on the viewer's side.
+  GuideLobe at(const Vec3f& position, const Vec3f& normal) const;
+
+  std::int64_t memory_bytes() const;
+
+  /// Bytes that differ if any lobe differs, for tests.
+  std::vector<std::byte> fingerprint() const;
+
+ private:
+  /// Inner node: points below `plane` on `axis` are in node `below`, others in the one after it.
+  /// Leaf: axis 3, and `below` is a cell.
+  struct KdNode {
+    float plane = 0;
+    std::uint32_t axis = 3, below = 0;
+  };
+  struct Cell {
+    Box3f box;
+    Vec3f centre;
+    float radius = 0, probability = 0;
+    std::uint32_t tree = 0;  // index of its root in trees_
+  };
+  /// A cell to be fitted: a range of photons.
+  struct Range {
+    std::size_t first, last;
+  };
+
+  void divide(std::span<Photon> photons, std::size_t node, const Range& range,
+              std::vector<Range>* cells);
+
+  std::array<std::uint32_t, 6> roots_{};  // index of a node for each axis and sign
+  std::vector<KdNode> nodes_;
+  std::vector<Cell> cells_;
+  std::vector<DirectionNode> trees_;
+};
+
+}  // namespace tessera::render

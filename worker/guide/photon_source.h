@@ -1,0 +1,85 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "worker/geometry/ray.h"
+#include "worker/light/light_sampler.h"
+#include "worker/math/vector.h"
+#include "worker/sampling/distribution.h"
+#include "worker/sampling/hash.h"
+#include "worker/scene/scene.h"
+#include "worker/shading/surface/shading_scene.h"
+
+namespace tessera::render {
+
+/// The random numbers of one photon: a function of its key and of how many were drawn.
+class PhotonRandom {
+ public:
+  explicit PhotonRandom(std::uint64_t key) : key_(key) {}
+  /// In [0, 1), a multiple of 2^-24.
+  float next() { return unit_float(draw()); }
+  Vec2f next_2d() {
+    const float x = next();
+    const float y = next();
+    return {x, y};
+  }
+  /// In [0, 1), a multiple of 2^-53.
+  double next_double() { return static_cast<double>(draw() >> 11) * 0x1p-53; }
+
+ private:
+  std::uint64_t draw() { return combine(key_, count_++); }
+  std::uint64_t key_, count_ = 0;
+};
+
+/// Emits photons from the lights of a scene, each light in proportion to its estimated power. Does
+/// not emit from media, operands of CSG solids, infinite planes, or the ends of moving lights:
+/// these emit from their place at the frame's time.
+class PhotonSource {
+ public:
+  /// All must outlive the source.
+  PhotonSource(const Scene& scene, const ShadingScene& shading, const LightSampler& lights);
+
+  bool empty() const { return choice_.empty(); }
+
+  struct Emission {
+    Ray ray;
+    Vec3f flux;             // relative to the mean of all photons
+    bool is_found = true;   // light sampling finds this light at the first surface
+    bool is_point = false;  // no ray can hit this light
+  };
+  /// One photon; nullopt if the point chosen emits nothing.
+  std::optional<Emission> emit(PhotonRandom* random) const;
+
+ private:
+  enum class Kind : std::uint8_t { triangle, shape, punctual, environment };
+  struct Light {
+    Kind kind;
+    TriangleId triangle;       // of a triangle; its instance is that of a shape
+    std::size_t punctual = 0;  // index into Scene::lights
+    float extent = 0;          // area of both sides that emit; of a shape: radius around `centre`
+    Vec3f centre;
+  };
+
+  void add(const Light& light, double power);
+  void add_emitters();
+  void add_shape(std::uint32_t instance, double radiance);
+  void add_punctual();
+  Emission emit_triangle(const Light& light, PhotonRandom* random) const;
+  std::optional<Emission> emit_shape(const Light& light, PhotonRandom* random) const;
+  Emission emit_punctual(const PunctualLight& light, PhotonRandom* random) const;
+  Emission emit_environment(PhotonRandom* random) const;
+  Ray from_outside(const Vec3f& direction, PhotonRandom* random) const;
+
+  const Scene& scene_;
+  const ShadingScene& shading_;
+  const LightSampler& lights_;
+  Vec3f centre_;      // of the sphere around the scene
+  float radius_ = 0;  // 0: the scene is empty
+  std::vector<Light> emitters_;
+  std::vector<double> powers_;
+  DiscreteDistribution choice_;
+};
+
+}  // namespace tessera::render

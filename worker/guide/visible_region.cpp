@@ -1,0 +1,49 @@
+#include "worker/guide/visible_region.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace tessera::render {
+
+std::size_t facing(const Vec3f& normal) {
+  const Vec3f size = absolute(normal);
+  const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+  return 2 * static_cast<std::size_t>(axis) + (normal[axis] < 0 ? 1 : 0);
+}
+
+VisibleRegion::VisibleRegion(std::span<const SurfacePlace> places) {
+  Box3f box;
+  for (const SurfacePlace& place : places) box.extend(place.position);
+  if (box.empty()) return;
+  const float side = max_component(box.hi - box.lo);
+  if (!(side > 0) || !std::isfinite(side)) return;
+  // One cell of margin on each side.
+  per_metre_ = (kSide - 2) / (side * (1 + 0x1p-10f));
+  const float margin = 1 / per_metre_;
+  low_ = box.lo - Vec3f{margin, margin, margin};
+  std::vector<std::uint8_t> seen(kCells);
+  for (const SurfacePlace& place : places) seen[cell(place)] = 1;
+  marks_.assign(kCells + 1, 0);
+  for (std::size_t i = 0; i < kCells; ++i) {
+    if (seen[i] == 0) continue;
+    seen_.push_back(static_cast<std::uint32_t>(i));
+    for (int k = 0; k < 27; ++k) {
+      // Cells with a place are not at the border, because of the margin.
+      const int offset = ((k / 9 - 1) * kSide + k / 3 % 3 - 1) * kSide + k % 3 - 1;
+      marks_[static_cast<std::size_t>(static_cast<std::int64_t>(i) + offset)] = 1;
+    }
+  }
+}
+
+std::size_t VisibleRegion::cell(const SurfacePlace& place) const {
+  std::array<std::size_t, 3> at{};
+  for (int axis = 0; axis < 3; ++axis) {
+    const float x = (place.position[axis] - low_[axis]) * per_metre_;
+    if (!(x >= 0) || !(x < kSide)) return kCells;
+    at[static_cast<std::size_t>(axis)] = static_cast<std::size_t>(x);
+  }
+  return ((facing(place.normal) * kSide + at[2]) * kSide + at[1]) * kSide + at[0];
+}
+
+}  // namespace tessera::render
