@@ -70,8 +70,8 @@ class Inputs:
 class Tessera:
     """One `tessera render` per image; counts the CPU seconds of client, server and worker."""
 
-    def __init__(self, inputs, binaries):
-        self.inputs, self.binaries = inputs, binaries
+    def __init__(self, inputs, binaries, guiding=False):
+        self.inputs, self.binaries, self.guiding = inputs, binaries, guiding
 
     def render(self, name, jobs):
         """Renders jobs {spp, seed, size, denoise}. Returns (image, CPU seconds) of each."""
@@ -85,6 +85,7 @@ class Tessera:
         sky = self.inputs.sky_file(name)
         command += ["--environment", sky] if sky else []
         command += ["--denoise"] if job.get("denoise") else []
+        command += ["--guiding"] if self.guiding else []
         before = children_cpu()
         done = subprocess.run(command, capture_output=True, text=True)
         wait_for_orphans()

@@ -203,8 +203,10 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         os.environ["TMPDIR"] = folder
         inputs = Inputs(args.scenes.resolve(), pathlib.Path(folder))
-        renderers = {US: Tessera(inputs, args.bin.resolve()), **peers(inputs, args.python)}
-        if len(renderers) == 1:
+        binaries = args.bin.resolve()
+        renderers = {US: Tessera(inputs, binaries), **peers(inputs, args.python),
+                     f"{US}, guided": Tessera(inputs, binaries, guiding=True)}
+        if len(renderers) == 2:
             sys.exit("against_cycles: no Cycles is installed; see the head of tests/bench/against_cycles.sh")
         rows = []
         for name in args.only or SCENES:
