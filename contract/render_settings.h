@@ -33,7 +33,7 @@ enum Aov : std::uint32_t {
   kAovStdError = 1u << 6,  // standard error of R, G, B from the replicates
   // Additive: rays, nodes visited and primitives tested of the sample's path and its shadow rays
   kAovTraversalCost = 1u << 7,
-  // What denoising needs: means of the replicates, and albedo, normal and depth of each
+  // Input of the denoiser: mean, albedo, normal and depth of each replicate
   kAovDenoising = 1u << 8,
 };
 

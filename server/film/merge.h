@@ -105,7 +105,7 @@ class TileSum {
   /// `mean_luminance` is m >= 0. If `per_pixel` is not null, each pixel's scaled sum is appended to
   /// it, row-major.
   ErrorSums error_sums(double mean_luminance, std::vector<double>* per_pixel = nullptr) const;
-  /// What error_sums() returned, and the largest of the pixels' scaled sums.
+  /// The result of error_sums(), and the largest scaled sums of single pixels.
   struct Measured {
     static constexpr std::size_t kLargest = 64;
     double mean_luminance = 0;

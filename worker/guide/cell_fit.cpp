@@ -20,10 +20,10 @@ constexpr float kFirstRadius = 1.25f, kNextRadius = 1.5f;
 constexpr int kRadii = 11;
 /// Photons at grazing angles count as if they had this cosine.
 constexpr float kMinCosine = 0.02f;
-/// Probability of following the guide: 0 below kMinGain, kMaxProbability for an infinite gain.
-/// Measured: docs/notes/guiding.md.
 /// Cells where light causes less relative variance than this are not guided.
 constexpr float kMinVariance = 0.1f;
+/// Probability of following the guide: 0 below kMinGain, kMaxProbability for an infinite gain.
+/// Measured: docs/notes/guiding.md.
 constexpr float kMinGain = 1.5f, kMaxProbability = 0.75f;
 
 Box3f padded_box(std::span<const Photon> photons) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "worker/geometry/object_ray.h"
 #include "worker/guide/cell_fit.h"
 #include "worker/guide/octahedral.h"
 #include "worker/guide/recentred.h"
@@ -18,8 +19,7 @@ constexpr std::uint32_t kLeaf = 3;
 int longest_axis(std::span<const Photon> photons) {
   Box3f box;
   for (const Photon& photon : photons) box.extend(photon.position);
-  const Vec3f size = box.hi - box.lo;
-  return size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+  return largest_axis(box.hi - box.lo);
 }
 
 /// A total order, so that the halves of a range are the same sets everywhere.

@@ -27,9 +27,9 @@ bool sample_guided(const Bsdf& bsdf, const GuideLobe& lobe, const Vec4f& u, Bsdf
   next->pdf = lerp(value.pdf, lobe.pdf(next->wi), probability);
   if (!(max_component(value.f_cos) > 0) || !(next->pdf < INFINITY)) return false;
   next->weight = value.f_cos / next->pdf;
-  constexpr float kMostUnguided = 1e30f;
+  constexpr float kMaxUnguided = 1e30f;
   const float factor = *unguided * (next->pdf / value.pdf);
-  *unguided = factor < kMostUnguided ? factor : kMostUnguided;
+  *unguided = factor < kMaxUnguided ? factor : kMaxUnguided;
   return true;
 }
 

@@ -17,18 +17,6 @@ namespace {
 
 constexpr float kPi = warp::kPi;
 
-/// Box around a shape in the world.
-Box3d box_of(const Instance& instance, const Shape& shape) {
-  Box3d box;
-  for (unsigned corner = 0; corner < 8; ++corner) {
-    const Box3f& b = shape.bounds;
-    const Vec3f at{(corner & 1u) != 0 ? b.hi.x : b.lo.x, (corner & 2u) != 0 ? b.hi.y : b.lo.y,
-                   (corner & 4u) != 0 ? b.hi.z : b.lo.z};
-    box.extend(transform_point(instance.object_to_world, Vec3d(at)));
-  }
-  return box;
-}
-
 Ray ray_from(const Vec3f& origin, const Vec3f& direction) {
   Ray ray;
   ray.origin = origin;
@@ -100,13 +88,14 @@ void PhotonSource::add_shape(std::uint32_t instance, double radiance) {
   const Instance& placed = scene_.instances[instance];
   const Shape& shape = *scene_.meshes[static_cast<std::size_t>(placed.mesh)].shape;
   if (!shape.bounded()) return;
-  const Box3d box = box_of(placed, shape);
-  const double radius = length(box.hi - box.lo) * 0.5;
+  const LightBounds box =
+      ShapeLight(placed.object_to_world, placed.world_to_object, shape).bounds(radiance, false);
+  const double radius = length(box.box_max - box.box_min) * 0.5;
   add({Kind::shape,
        {instance, 0, 0},
        0,
        static_cast<float>(radius),
-       Vec3f((box.lo + box.hi) * 0.5)},
+       Vec3f((box.box_min + box.box_max) * 0.5)},
       radiance * 4 * double{kPi} * double{kPi} * radius * radius);
 }
 

@@ -11,11 +11,11 @@ namespace tessera::render {
 namespace {
 
 /// Photons are emitted in rounds until half of the cells that are seen have kEnoughInCell photons,
-/// or there are kMostPhotons, or kMaxRounds are done. Each cell takes at most kMostInCell, so that
-/// bright places leave room for others. Measured: docs/notes/guiding.md.
+/// or there are kMaxPhotonCount, or kMaxRounds are done. Each cell takes at most kMaxInCell, so
+/// that bright places leave room for others. Measured: docs/notes/guiding.md.
 constexpr std::int64_t kPhotonsPerRound = 1 << 16;
-constexpr std::uint32_t kEnoughInCell = 64, kMostInCell = 512;
-constexpr std::size_t kMostPhotons = 1 << 17;
+constexpr std::uint32_t kEnoughInCell = 64, kMaxInCell = 512;
+constexpr std::size_t kMaxPhotonCount = 1 << 17;
 constexpr std::int64_t kMaxRounds = 16;
 constexpr std::int64_t kPhotonsPerChunk = 1024;
 constexpr int kMaxPassed = 64;          // surfaces that a photon passes without scattering
@@ -175,7 +175,7 @@ std::vector<Photon> trace_from(const PhotonScene& scene, const Photons& photons,
   return all;
 }
 
-/// Photons of all rounds, at most kMostInCell in a cell of the region.
+/// Photons of all rounds, at most kMaxInCell in a cell of the region.
 class PhotonStore {
  public:
   explicit PhotonStore(const VisibleRegion& region)
@@ -190,7 +190,7 @@ class PhotonStore {
       if (!region_.is_all()) {
         const std::size_t cell = region_.cell({photon.position, photon.normal});
         (is_found ? found_ : guided_)[cell] += double{photon.flux};
-        if (!is_found && counts_[cell]++ >= kMostInCell) continue;
+        if (!is_found && counts_[cell]++ >= kMaxInCell) continue;
       }
       if (!is_found) photons_.push_back(photon);
     }
@@ -205,7 +205,7 @@ class PhotonStore {
   }
 
   bool is_enough() const {
-    if (photons_.size() >= kMostPhotons) return true;
+    if (photons_.size() >= kMaxPhotonCount) return true;
     return !photons_.empty() && share_of_seen(kEnoughInCell) >= 0.5;
   }
 
@@ -259,7 +259,8 @@ std::unique_ptr<const Guide> build_guide(const PhotonScene& scene,
                          parallel_for));
     // If photons reach most places, the first round tells whether guiding gains.
     if (round > 0 || store.share_of_seen(1) < 0.5) continue;
-    if (Guide::from_photons(store.photons(), parallel_for) == nullptr) return nullptr;
+    auto first = Guide::from_photons(store.photons(), parallel_for);
+    if (first == nullptr || store.is_enough()) return first;
   }
   return Guide::from_photons(store.photons(), parallel_for);
 }

@@ -14,7 +14,7 @@
 
 namespace tessera::render {
 
-/// What photons of a frame are traced through.
+/// The scene and the settings with which the photons of a frame are traced.
 struct PhotonScene {
   const Scene& scene;
   const ShadingScene& shading;

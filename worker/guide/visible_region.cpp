@@ -4,11 +4,12 @@
 #include <array>
 #include <cmath>
 
+#include "worker/geometry/object_ray.h"
+
 namespace tessera::render {
 
 std::size_t facing(const Vec3f& normal) {
-  const Vec3f size = absolute(normal);
-  const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+  const int axis = largest_axis(absolute(normal));
   return 2 * static_cast<std::size_t>(axis) + (normal[axis] < 0 ? 1 : 0);
 }
 

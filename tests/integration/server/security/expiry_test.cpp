@@ -109,23 +109,9 @@ TEST_F(ExpiryTest, WorkersStreamsEndInFiveSeconds) {
   const std::string job = create_job("ann", "shot");
   issue_brief(Role::worker, "w1");
   const Clock::time_point end = steady(expiry_of("w1"));
-  const auto first = worker("w1", "one", token());
-  ASSERT_TRUE(first->open());
-  TestWorker::Unit unit;
-  ASSERT_TRUE(first->next(unit));
-  ASSERT_TRUE(first->describe(job).ok());
-  ASSERT_TRUE(first->send(first->messages_of(unit, first->block_of(unit))));
+  const auto first = worker_at_work("w1", job);
   OpenCall work("work"), deliver("deliver");
-  deliver.start([&](grpc::ClientContext&) {
-    while (first->send({v1::DeliverRequest()})) std::this_thread::sleep_for(milliseconds(20));
-    return first->finish_deliver();
-  });
-  work.start([&](grpc::ClientContext&) {
-    TestWorker::Unit next;
-    while (first->next(next)) {
-    }
-    return first->finish_work();
-  });
+  open_worker_streams(*first, work, deliver);
   deliver.expect_end_after(end);
   work.expect_end_after(end);
   const auto second = worker("w2", "two", token());

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <memory>
 #include <string>
 #include <thread>
 #include <utility>
@@ -91,6 +92,30 @@ class OpenStreamsFarm : public SecureFarm {
       *request.mutable_asset() = id_of(std::string(1000, 'u'));
       stream->Write(request);
       return stream->Finish();
+    });
+  }
+  /// A worker with the certificate `name` that has delivered one unit of the job.
+  std::unique_ptr<TestWorker> worker_at_work(const std::string& name, const std::string& job) {
+    auto opened = worker(name, "one", token());
+    EXPECT_TRUE(opened->open());
+    TestWorker::Unit unit;
+    EXPECT_TRUE(opened->next(unit));
+    EXPECT_TRUE(opened->describe(job).ok());
+    EXPECT_TRUE(opened->send(opened->messages_of(unit, opened->block_of(unit))));
+    return opened;
+  }
+  /// Keeps both streams of a worker open.
+  static void open_worker_streams(TestWorker& worker, OpenCall& work, OpenCall& deliver) {
+    deliver.start([&worker](grpc::ClientContext&) {
+      const std::chrono::milliseconds pause{20};
+      while (worker.send({v1::DeliverRequest()})) std::this_thread::sleep_for(pause);
+      return worker.finish_deliver();
+    });
+    work.start([&worker](grpc::ClientContext&) {
+      TestWorker::Unit next;
+      while (worker.next(next)) {
+      }
+      return worker.finish_work();
     });
   }
   /// Uploads an asset in several messages.

@@ -54,7 +54,7 @@ struct AccessorFormat {
   bool operator==(const AccessorFormat&) const = default;
 };
 
-/// What a buffer view holds, and what an accessor is used for.
+/// Contents of a buffer view, and use of an accessor.
 enum class ViewRole : std::uint8_t { none, vertices, indices, inverse_binds, image, other };
 enum class AccessorRole : std::uint8_t {
   none,
