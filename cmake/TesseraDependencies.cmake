@@ -20,6 +20,7 @@ find_package(JPEG REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(WebP REQUIRED IMPORTED_TARGET libwebp)  # Debian ships no CMake file of it
 pkg_check_modules(Seccomp REQUIRED IMPORTED_TARGET libseccomp)
+pkg_check_modules(Jemalloc REQUIRED IMPORTED_TARGET jemalloc)
 
 if(TESSERA_BUILD_TESTS)  # tests write and read images with it, as an oracle
   # OpenImageIO's package names an OpenCV include folder that need not exist.

@@ -17,8 +17,8 @@ build_packages=(
   libopenexr-dev libpng-dev libjpeg62-turbo-dev libwebp-dev
   # Threads, command lines, logs, metrics, webhooks.
   libtbb-dev libcli11-dev libspdlog-dev prometheus-cpp-dev libcurl4-openssl-dev
-  # The renderer's sandbox.
-  libseccomp-dev
+  # The renderer's sandbox, the server's memory allocator.
+  libseccomp-dev libjemalloc-dev
 )
 test_packages=(
   libgtest-dev libgmock-dev libembree-dev
