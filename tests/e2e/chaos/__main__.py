@@ -31,6 +31,7 @@ class Alone:
     ALWAYS = ()  # kinds of every round
     FULL_DISKS = ()  # kinds of which every round has one
     FAULTS_PER_ROUND = 6
+    DECKS = 1  # sets of rounds, each with every kind, by default
 
     def __init__(self, seed):
         self.seed = seed
@@ -60,6 +61,7 @@ class Alone:
 class WithTenants(Alone):
     ALWAYS = ("kill_server",)
     FULL_DISKS = ("full_disk", "small_disk")
+    DECKS = 2
 
     def expected(self):
         return farms.undisturbed(TenantFarm.TEMPLATES)
@@ -132,7 +134,7 @@ class Round:
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, help="default: each kind once")
+    parser.add_argument("--rounds", type=int, help="default: each kind once, with --tenants twice")
     parser.add_argument("--tenants", action="store_true", help="rounds with five tenants and 30 jobs")
     parser.add_argument("--seed", default="1")
     parser.add_argument("--first", type=int, default=0, help="number of the first round")
@@ -141,7 +143,7 @@ def main():
     parser.add_argument("--keep", action="store_true", help="keep the folders of the rounds")
     given = parser.parse_args()
     game = (WithTenants if given.tenants else Alone)(given.seed)
-    given.rounds = given.rounds or game.deck
+    given.rounds = given.rounds or game.DECKS * game.deck
     expected = game.expected()
     print(f"undisturbed: {', '.join(f'{name} {units} units' for name, (_, units) in expected.items())}")
     counted, tries, effects = 0, 0, collections.Counter()
