@@ -280,6 +280,7 @@ class Agent {
   void handle(const v1::WorkResponse& response) {
     switch (response.event_case()) {
       case v1::WorkResponse::kLeases:
+        for (const v1::JobDescription& job : response.leases().jobs()) fetcher_.describe(job);
         for (const v1::Lease& lease : response.leases().leases()) take(lease);
         break;
       case v1::WorkResponse::kRevocation: {
@@ -301,6 +302,7 @@ class Agent {
                      absl::StrCat("job ", response.job_ended().job_id(), " ended"));
         queue_.drop_job(response.job_ended().job_id());
         supervisor_.job_ended(response.job_ended().job_id());
+        fetcher_.forget(response.job_ended().job_id());
         break;
       default:
         break;  // only a heartbeat

@@ -6,6 +6,7 @@ using contract::Unit;
 
 void LeaseGrants::lease(Job& job, Worker& worker, const Run& run, Time now) {
   const Lease lease = make_lease(job, worker, run);
+  introduce(job, worker);
   for (std::int32_t i = 0; i < run.tile_count; ++i) {
     const Unit unit{run.frame, run.first_tile + i, run.pass};
     leases_.hold(job, worker, unit, Holder{worker.key, lease.attempt, std::nullopt, false, 0, now});
@@ -37,6 +38,10 @@ Lease LeaseGrants::make_lease(const Job& job, const Worker& worker, const Run& r
   return lease;
 }
 
+void LeaseGrants::introduce(const Job& job, Worker& worker) {
+  if (job.ever_leased_to.count(worker.key) == 0) worker.outbox.new_jobs.push_back(job.spec);
+}
+
 void LeaseGrants::send_lease(Worker& worker, const Lease& lease) {
   worker.credits -= lease.tile_count;
   counts_.update_idle(worker);
@@ -46,6 +51,7 @@ void LeaseGrants::send_lease(Worker& worker, const Lease& lease) {
 
 void LeaseGrants::lease_audit(Job& job, Unit unit, Worker& worker) {
   const Lease lease = make_lease(job, worker, {unit.frame, unit.pass, unit.tile, 1});
+  introduce(job, worker);
   leases_.hold_audit(job, worker, unit, lease.attempt);
   send_lease(worker, lease);
 }

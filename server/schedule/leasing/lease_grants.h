@@ -27,6 +27,8 @@ class LeaseGrants {
 
  private:
   Lease make_lease(const Job& job, const Worker& worker, const Run& run);
+  /// Has the job described to a worker that never held a unit of it.
+  void introduce(const Job& job, Worker& worker);
   void send_lease(Worker& worker, const Lease& lease);
 
   WorkerCounts& counts_;

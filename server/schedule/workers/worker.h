@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -34,6 +35,7 @@ struct Acknowledgement {
 /// Messages for a worker. Filled under the coordinator's lock, sent without it.
 struct Outbox {
   std::vector<Lease> leases;
+  std::vector<std::shared_ptr<const JobSpec>> new_jobs;  // of which `leases` has the first ones
   std::vector<UnitName> revoked;
   std::vector<UnitName> withdrawn;  // revoked units of `leases`, which are sent before
   std::vector<Acknowledgement> acknowledgements;

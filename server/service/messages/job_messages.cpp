@@ -335,4 +335,12 @@ v1::SceneManifest to_manifest(const JobSpec& spec) {
   return manifest;
 }
 
+v1::JobDescription describe(const JobSpec& spec) {
+  v1::JobDescription job;
+  job.set_job_id(spec.id);
+  *job.mutable_settings() = contract::to_message(spec.settings);
+  *job.mutable_manifest() = to_manifest(spec);
+  return job;
+}
+
 }  // namespace tessera::server

@@ -5,6 +5,7 @@
 #include "absl/status/statusor.h"
 #include "server/coordinator/coordinator.h"
 #include "tessera/v1/job_service.pb.h"
+#include "tessera/v1/worker_service.pb.h"
 
 namespace tessera::server {
 
@@ -26,5 +27,6 @@ std::string write_request(const JobSpec& spec);
 v1::FailedAttempt to_message(const FailedAttempt& attempt);
 v1::Job to_message(const JobView& view);
 v1::SceneManifest to_manifest(const JobSpec& spec);
+v1::JobDescription describe(const JobSpec& spec);
 
 }  // namespace tessera::server

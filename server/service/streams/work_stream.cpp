@@ -14,6 +14,7 @@
 #include "rpc/rpc_status.h"
 #include "server/service/access/numerics_check.h"
 #include "server/service/access/protocol_check.h"
+#include "server/service/messages/job_messages.h"
 #include "server/service/messages/messages.h"
 
 namespace tessera::server {
@@ -21,6 +22,9 @@ namespace {
 
 constexpr std::size_t kAcknowledgementsPerMessage = 4096;  // far below the maximum message size
 constexpr std::size_t kLeasesPerMessage = 4096;
+constexpr std::size_t kMaxDescribedAssets = 64;
+constexpr std::size_t kMaxDescriptionBytes = 16 << 10;  // of a job
+constexpr std::size_t kDescriptionBytesPerMessage = 256 << 10;
 constexpr std::size_t kMaxLogBytes = 8 << 10;
 constexpr int kMaxLogLines = 64;  // per message; further lines are ignored
 /// Time for the pending write when the stream ends.
@@ -56,6 +60,31 @@ void write_revocations(const std::vector<UnitName>& units, std::deque<v1::WorkRe
   }
 }
 
+/// Writes leases after the descriptions of their jobs. Large jobs are not described, nor those that
+/// have ended, because the worker would keep their descriptions.
+void write_leases(const Outbox& outbox, std::deque<v1::WorkResponse>& out) {
+  std::size_t job_bytes = 0;  // of the last message
+  for (const std::shared_ptr<const JobSpec>& spec : outbox.new_jobs) {
+    const bool is_over =
+        std::count(outbox.ended_jobs.begin(), outbox.ended_jobs.end(), spec->id) > 0;
+    if (is_over || spec->assets.size() > kMaxDescribedAssets) continue;
+    v1::JobDescription job = describe(*spec);
+    const std::size_t bytes = job.ByteSizeLong();
+    if (bytes > kMaxDescriptionBytes) continue;
+    if (job_bytes == 0 || job_bytes + bytes > kDescriptionBytesPerMessage) {
+      out.emplace_back();
+      job_bytes = 0;
+    }
+    job_bytes += bytes;
+    *out.back().mutable_leases()->add_jobs() = std::move(job);
+  }
+  for (std::size_t i = 0; i < outbox.leases.size(); ++i) {
+    const bool is_full = i % kLeasesPerMessage == 0;
+    if (is_full && (i > 0 || job_bytes == 0)) out.emplace_back();
+    *out.back().mutable_leases()->add_leases() = to_message(outbox.leases[i]);
+  }
+}
+
 /// Converts an outbox to messages, acknowledgements first, because they free memory of the worker.
 void write_outbox(const Outbox& outbox, std::deque<v1::WorkResponse>& out) {
   for (std::size_t i = 0; i < outbox.acknowledgements.size(); ++i) {
@@ -69,10 +98,7 @@ void write_outbox(const Outbox& outbox, std::deque<v1::WorkResponse>& out) {
     out.back().mutable_job_ended()->set_job_id(job_id);
   }
   if (outbox.drain) out.emplace_back().mutable_drain();
-  for (std::size_t i = 0; i < outbox.leases.size(); ++i) {
-    if (i % kLeasesPerMessage == 0) out.emplace_back();
-    *out.back().mutable_leases()->add_leases() = to_message(outbox.leases[i]);
-  }
+  write_leases(outbox, out);
   write_revocations(outbox.withdrawn, out);
 }
 

@@ -39,6 +39,13 @@ void FilmShelf::set_token(const std::string& token) {
   token_ = token;
 }
 
+void FilmShelf::describe(const v1::JobDescription& job) {
+  auto settings = contract::from_message(job.settings());
+  if (!settings.ok()) return;
+  const std::lock_guard lock(mutex_);
+  films_.try_emplace(job.job_id(), std::make_unique<SimulatedFilm>(*settings));
+}
+
 const SimulatedFilm* FilmShelf::film(const std::string& job_id) {
   const std::lock_guard lock(mutex_);
   if (const auto found = films_.find(job_id); found != films_.end()) return found->second.get();
@@ -196,6 +203,7 @@ void SimulatedWorker::on_event(const v1::WorkResponse& event) {
     {
       const std::lock_guard lock(mutex_);
       if (granted_us_ > 0) counters_.lease.add(now_us() - std::exchange(granted_us_, 0));
+      for (const v1::JobDescription& job : event.leases().jobs()) shelf_.describe(job);
       for (const v1::Lease& lease : event.leases().leases()) {
         for (std::int32_t k = 0; k < lease.tile_count(); ++k) {
           pending_.push_back({lease, lease.first_tile() + k});

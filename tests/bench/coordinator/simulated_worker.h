@@ -49,7 +49,8 @@ class FilmShelf {
   FilmShelf(const std::shared_ptr<grpc::Channel>& channel, std::string token);
   /// Uses the key of a worker's session instead of the token.
   void set_token(const std::string& token);
-  /// Null if the server does not know the job.
+  void describe(const v1::JobDescription& job);
+  /// Asks the server for a job that was not described. Null if it does not know the job.
   const SimulatedFilm* film(const std::string& job_id);
 
  private:

@@ -49,6 +49,16 @@ void JobFetcher::fetch(const std::string& job_id) {
   wake_.notify_all();
 }
 
+void JobFetcher::describe(const v1::JobDescription& job) {
+  const std::lock_guard lock(mutex_);
+  descriptions_.insert_or_assign(job.job_id(), job);
+}
+
+void JobFetcher::forget(const std::string& job_id) {
+  const std::lock_guard lock(mutex_);
+  descriptions_.erase(job_id);
+}
+
 void JobFetcher::run() {
   while (true) {
     std::string job_id;
@@ -64,20 +74,35 @@ void JobFetcher::run() {
   }
 }
 
-absl::StatusOr<JobInputs> JobFetcher::fetch_once(const std::string& job_id) {
+/// Returns the description that came with a lease, else asks the server.
+absl::StatusOr<v1::JobDescription> JobFetcher::description(const std::string& job_id) {
+  {
+    const std::lock_guard lock(mutex_);
+    auto known = descriptions_.extract(job_id);
+    if (!known.empty()) return std::move(known.mapped());
+  }
   v1::DescribeJobRequest request;
   request.set_job_id(job_id);
   v1::DescribeJobResponse response;
-  absl::Status status = call(kCallTimeout, [&](grpc::ClientContext& context) {
+  const absl::Status status = call(kCallTimeout, [&](grpc::ClientContext& context) {
     return contract::from_rpc(channel_.workers()->DescribeJob(&context, request, &response));
   });
   if (!status.ok()) return status;
-  auto settings = contract::from_message(response.settings());
+  v1::JobDescription job;
+  *job.mutable_settings() = std::move(*response.mutable_settings());
+  *job.mutable_manifest() = std::move(*response.mutable_manifest());
+  return job;
+}
+
+absl::StatusOr<JobInputs> JobFetcher::fetch_once(const std::string& job_id) {
+  auto job = description(job_id);
+  if (!job.ok()) return job.status();
+  auto settings = contract::from_message(job->settings());
   if (!settings.ok()) return settings.status();
   JobInputs inputs;
   inputs.settings = *std::move(settings);
-  inputs.message = std::move(*response.mutable_settings());
-  inputs.manifest = std::move(*response.mutable_manifest());
+  inputs.message = std::move(*job->mutable_settings());
+  inputs.manifest = std::move(*job->mutable_manifest());
   if (inputs.manifest.assets_size() > kMaxAssets) {
     return absl::InvalidArgumentError(absl::StrCat("the job has ", inputs.manifest.assets_size(),
                                                    " assets; the maximum is ", kMaxAssets));

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <set>
@@ -47,10 +48,15 @@ class JobFetcher {
 
   /// Queues a job.
   void fetch(const std::string& job_id);
+  /// Keeps the description of a job that may be fetched; for another one the server is asked.
+  void describe(const v1::JobDescription& job);
+  /// Drops the description of a job that has ended.
+  void forget(const std::string& job_id);
 
  private:
   void run();
   absl::StatusOr<JobInputs> fetch_once(const std::string& job_id);
+  absl::StatusOr<v1::JobDescription> description(const std::string& job_id);
   absl::StatusOr<Descriptor> fetch_asset(const v1::AssetId& id);
   /// Runs a call and repeats it after UNAVAILABLE, with back-off, until it succeeds or the fetcher
   /// ends.
@@ -65,6 +71,7 @@ class JobFetcher {
   std::mutex mutex_;  // guards what follows
   std::condition_variable wake_;
   std::deque<std::string> queue_;
+  std::map<std::string, v1::JobDescription> descriptions_;  // by job, until it is fetched
   grpc::ClientContext* running_ = nullptr;
   bool ending_ = false;
   std::thread thread_;

@@ -63,6 +63,7 @@ grpc::Status TestWorker::close() {
 bool TestWorker::read() {
   v1::WorkResponse response;
   if (!work_->Read(&response)) return false;
+  for (const v1::JobDescription& job : response.leases().jobs()) described.push_back(job);
   for (const v1::Lease& lease : response.leases().leases()) {
     for (int i = 0; i < lease.tile_count(); ++i) units_.push_back({lease, lease.first_tile() + i});
   }

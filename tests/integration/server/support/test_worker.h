@@ -18,6 +18,8 @@ class TestWorker {
   TestWorker(const std::shared_ptr<grpc::Channel>& channel, std::string id);
   ~TestWorker();
 
+  /// Jobs that the server described with leases.
+  std::vector<v1::JobDescription> described;
   /// Its hello; change it before open().
   v1::WorkerHello hello;
   /// Token that it sends, and session key that it was given.
