@@ -4,7 +4,8 @@
     blender -b --factory-startup -noaudio -P blender_scene.py -- SCENE OPTIONS.json
 
 OPTIONS.json: {"depth": scattering events, "sky": null, a latitude-longitude image or [r, g, b],
-"jobs": [{"out": FILE.exr, "spp", "seed", "size": [w, h], "guiding": bool, "denoise": bool}]}.
+"guiding": bool, "jobs": [{"out": FILE.exr, "spp", "seed", "size": [w, h], "denoise": bool, "threshold": noise
+threshold of adaptive sampling with at most "spp" samples}]}.
 The importer and the defaults of Cycles differ from the specification in some points; each function below
 corrects one of them, in Blender 3.4 and 4.5. Corrected are only features of the compared scenes: punctual
 lights, Lambert surfaces (specularFactor 0), emitters, smooth solid glass, Beer's law, alphaMode MASK.
@@ -304,13 +305,13 @@ def set_sky(sky):
 
 
 def set_sampling(depth):
-    """Independent pixels with a box filter: no clamping or adaptive sampling."""
+    """Independent pixels with a box filter: no clamping."""
     scene = bpy.context.scene
     render, cycles = scene.render, scene.cycles
     render.engine = "CYCLES"
     bounces = depth - 1  # Cycles counts them after the first scattering
     settings = dict(
-        device="CPU", use_animated_seed=False, use_adaptive_sampling=False, time_limit=0,
+        device="CPU", use_animated_seed=False, time_limit=0,
         pixel_filter_type="BOX", filter_width=1, sample_clamp_direct=0, sample_clamp_indirect=0,
         blur_glossy=0, light_sampling_threshold=0, use_light_tree=True, caustics_reflective=True,
         caustics_refractive=True, max_bounces=bounces, diffuse_bounces=bounces, glossy_bounces=bounces,
@@ -331,12 +332,14 @@ def set_sampling(depth):
     scene.view_settings.view_transform = "Standard"
 
 
-def render_job(job):
+def render_job(job, guiding):
     """Renders one image and returns the CPU seconds."""
     scene = bpy.context.scene
     scene.cycles.samples, scene.cycles.seed = job["spp"], job["seed"]
     scene.cycles.use_denoising = job.get("denoise", False)
-    put(scene.cycles, "use_guiding", job.get("guiding", False))
+    put(scene.cycles, "use_guiding", guiding)
+    scene.cycles.use_adaptive_sampling = "threshold" in job
+    scene.cycles.adaptive_threshold = job.get("threshold", 0)
     scene.render.resolution_x, scene.render.resolution_y = job["size"]
     before = time.process_time()
     bpy.ops.render.render(write_still=False)
@@ -367,7 +370,7 @@ def main():
     set_sampling(options["depth"])
     print("START_UP", time.process_time(), flush=True)
     for job in options["jobs"]:
-        print("JOB", render_job(job), flush=True)
+        print("JOB", render_job(job, options.get("guiding", False)), flush=True)
 
 
 main()

@@ -1,11 +1,14 @@
 #!/usr/bin/python3
-"""Tests of comparison.py and scenes.py."""
+"""Tests of comparison.py, scenes.py and gltf_scene.py."""
 
+import math
+import struct
 import unittest
 
 import numpy
 
 import comparison
+import gltf_scene
 import scenes
 
 
@@ -87,6 +90,77 @@ class SameWorkTest(unittest.TestCase):
     def test_glb_keeps_its_binary_chunk(self):
         data = scenes.written({"asset": {"version": "2.0"}}, b"\4\0\0\0BIN\0data")
         self.assertEqual(scenes.read(data), ({"asset": {"version": "2.0"}}, b"\4\0\0\0BIN\0data"))
+
+
+def glb(node, material=None, light=None):
+    """Returns a .glb with a triangle in the plane z = 0, and a camera."""
+    points = numpy.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], *[[0, 0, 1]] * 3], "<f4").tobytes()
+    binary = points + numpy.array([0, 1, 2], "<u2").tobytes() + b"\0\0"
+    primitive = {"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2, "material": 0}
+    gltf = {
+        "scenes": [{"nodes": [0, 1]}], "nodes": [node, {"camera": 0, "translation": [0, 0, 5]}],
+        "cameras": [{"perspective": {"yfov": 0.5}}], "meshes": [{"primitives": [primitive]}],
+        "materials": [material or scenes.same_work({"materials": [{"pbrMetallicRoughness": {"metallicFactor": 0}}]})[
+            "materials"][0]],
+        "extensions": {"KHR_lights_punctual": {"lights": [light]}},
+        "bufferViews": [{"buffer": 0, "byteOffset": 36 * k} for k in range(3)],
+        "accessors": [{"bufferView": k, "componentType": 5126, "count": 3, "type": "VEC3"} for k in range(2)] + [
+            {"bufferView": 2, "componentType": 5123, "count": 3, "type": "SCALAR"}]}
+    return scenes.written(gltf, struct.pack("<II", len(binary), 0x4E4942) + binary)
+
+
+class GltfSceneTest(unittest.TestCase):
+    def test_triangles_are_in_world_space(self):
+        half = math.sqrt(0.5)  # a quarter turn about y takes z to x
+        scene = gltf_scene.read(glb({"mesh": 0, "translation": [1, 2, 3], "rotation": [0, half, 0, half],
+                                     "scale": [2, 3, 4]}))
+        (shape,) = scene.shapes
+        numpy.testing.assert_allclose(shape.positions, [[1, 2, 3], [1, 2, 1], [1, 5, 3]], atol=1e-6)
+        numpy.testing.assert_allclose(shape.normals, [[1, 0, 0]] * 3, atol=1e-6)
+        numpy.testing.assert_array_equal(shape.triangles, [[0, 1, 2]])
+        self.assertEqual((shape.surface.kind, shape.surface.color, scene.yfov), ("diffuse", (1, 1, 1), 0.5))
+        numpy.testing.assert_array_equal(scene.camera[:3, 3], [0, 0, 5])
+
+    def test_mirrored_triangles_keep_their_front(self):
+        (shape,) = gltf_scene.read(glb({"mesh": 0, "scale": [-1, 1, 1]})).shapes
+        a, b, c = shape.positions[shape.triangles[0]]
+        self.assertGreater(numpy.dot(numpy.cross(b - a, c - a), shape.normals[0]), 0)
+
+    def test_children_follow_their_parent(self):
+        data, chunks = scenes.read(glb({"children": [2], "scale": [2, 2, 2]}))
+        data["nodes"].append({"mesh": 0, "translation": [1, 0, 0]})
+        (shape,) = gltf_scene.read(scenes.written(data, chunks)).shapes
+        numpy.testing.assert_allclose(shape.positions[0], [2, 0, 0])
+
+    def test_lights_have_colour_and_direction(self):
+        light = {"type": "directional", "intensity": 2, "color": [1, 0.5, 0]}
+        node = {"extensions": {"KHR_lights_punctual": {"light": 0}}}
+        (found,) = gltf_scene.read(glb(node, light=light)).lights
+        self.assertEqual((found.kind, found.color, list(found.direction)), ("directional", (2, 1, 0), [0, 0, -1]))
+
+    def test_glass_absorbs_to_its_colour_at_the_distance(self):
+        extensions = {"transmission": {"transmissionFactor": 1}, "ior": {"ior": 1.4}, "volume": {
+            "thicknessFactor": 1, "attenuationColor": [0.5, 1, 1], "attenuationDistance": 2}}
+        surface = gltf_scene.surface_of({
+            "pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0},
+            "extensions": {f"KHR_materials_{name}": value for name, value in extensions.items()}})
+        self.assertEqual((surface.kind, surface.ior), ("glass", 1.4))
+        numpy.testing.assert_allclose(numpy.exp(-2 * numpy.array(surface.absorption)), [0.5, 1, 1])
+
+    def test_unknown_features_are_refused(self):
+        plain = {"pbrMetallicRoughness": {"metallicFactor": 1}}
+        self.assertEqual(gltf_scene.surface_of(plain).kind, "metal")
+        for change in ({"alphaMode": "MASK"}, {"emissiveTexture": {}}, {"extensions": {"KHR_materials_sheen": {}}},
+                       {"pbrMetallicRoughness": {"metallicFactor": 0}}):
+            with self.assertRaises(gltf_scene.Unsupported):
+                gltf_scene.surface_of(plain | change)
+
+    def test_ply_has_vertices_and_faces(self):
+        (shape,) = gltf_scene.read(glb({"mesh": 0})).shapes
+        head, body = gltf_scene.ply(shape).split(b"end_header\n")
+        self.assertIn(b"element vertex 3\n", head)
+        self.assertEqual(numpy.frombuffer(body[:72], "<f4").reshape(3, 6)[1].tolist(), [1, 0, 0, 0, 0, 1])
+        self.assertEqual(struct.unpack("<Biii", body[72:]), (3, 0, 1, 2))
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ import json
 import os
 import pathlib
 import resource
+import shutil
 import subprocess
 import sys
 
@@ -30,7 +31,9 @@ def children_cpu():
 
 
 def pixels(path, prefix=""):
-    """Returns the colours of an EXR file; `prefix` selects a layer, for example "raw."."""
+    """Returns the colours of an EXR or .npy file; `prefix` selects a layer, for example "raw."."""
+    if path.suffix == ".npy":
+        return numpy.load(path).astype(numpy.float64)
     image = OpenImageIO.ImageBuf(str(path))
     names = image.spec().channelnames
     channels = [names.index(prefix + c) for c in "RGB"]
@@ -38,7 +41,7 @@ def pixels(path, prefix=""):
 
 
 class Inputs:
-    """The files that both renderers read."""
+    """The files that all renderers read."""
 
     def __init__(self, scenes, folder):
         self.scenes, self.folder = scenes, folder
@@ -97,38 +100,51 @@ class Tessera:
         return image, spent
 
 
-class Cycles:
-    """One Blender process for all jobs of a call; counts the CPU seconds of each render operation."""
+class Peer:
+    """A script that renders all jobs of a call in one process, and prints the CPU seconds of each."""
 
-    def __init__(self, inputs, command, guiding=False):
-        self.inputs, self.command, self.guiding = inputs, command, guiding
+    def __init__(self, inputs, command, ending=".exr", **options):
+        self.inputs, self.command, self.ending, self.options = inputs, command, ending, options
 
     def render(self, name, jobs):
         sky = SCENES[name].sky
         if isinstance(sky, str):
             sky = str(self.inputs.scenes / sky)
-        outs = [self.inputs.file(".exr") for _ in jobs]
+        outs = [self.inputs.file(self.ending) for _ in jobs]
         options = self.inputs.file(".json")
-        options.write_text(json.dumps({"depth": SCENES[name].depth, "sky": sky, "jobs": [
-            {**job, "out": str(out), "guiding": self.guiding} for job, out in zip(jobs, outs)]}))
+        options.write_text(json.dumps({"depth": SCENES[name].depth, "sky": sky, **self.options, "jobs": [
+            {**job, "out": str(out)} for job, out in zip(jobs, outs)]}))
         done = subprocess.run([*self.command, "--", self.inputs.scene(name), options], capture_output=True, text=True)
         spent = [float(line.split()[1]) for line in done.stdout.splitlines() if line.startswith("JOB ")]
         if len(spent) != len(jobs):
-            sys.exit(f"against_cycles: Blender failed on {name}:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+            sys.exit(f"against_cycles: {self.command} failed on {name}:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
         images = [pixels(out) for out in outs]
         for out in outs:
             out.unlink()
         return list(zip(images, spent))
 
 
+def has_module(python, module):
+    return python.exists() and subprocess.run([python, "-c", f"import {module}"], capture_output=True).returncode == 0
+
+
 def peers(inputs, python):
-    """Returns the versions of Cycles that are installed, by name."""
+    """Returns the peers that are installed, by name."""
     found = {}
-    if python.exists():
+    if has_module(python, "bpy"):
         command = [python, HERE / "blender_scene.py"]
-        found["Cycles 4.5"] = Cycles(inputs, command)
-        found["Cycles 4.5, guided"] = Cycles(inputs, command, guiding=True)
-    if any((pathlib.Path(folder) / "blender").exists() for folder in os.environ["PATH"].split(":")):
-        found["Cycles 3.4"] = Cycles(inputs, ["blender", "-b", "--factory-startup", "-noaudio", "-P",
-                                              HERE / "blender_scene.py"])
+        found["Cycles 4.5"] = Peer(inputs, command)
+        found["Cycles 4.5, guided"] = Peer(inputs, command, guiding=True)
+        found["Cycles 4.5, adaptive"] = Peer(inputs, command)
+    if shutil.which("blender"):
+        found["Cycles 3.4"] = Peer(inputs, ["blender", "-b", "--factory-startup", "-noaudio", "-P",
+                                            HERE / "blender_scene.py"])
+    if has_module(python, "mitsuba"):
+        command = [python, HERE / "mitsuba_scene.py"]
+        found["Mitsuba 3"] = Peer(inputs, command, ".npy", variant="llvm_ad_rgb", sampler="multijitter")
+        found["Mitsuba 3, scalar"] = Peer(inputs, command, ".npy", variant="scalar_rgb", sampler="multijitter")
+    if has_module(python, "pyluxcore"):
+        command = [python, HERE / "luxcore_scene.py"]
+        found["LuxCore"] = Peer(inputs, command, ".npy", engine="PATHCPU", sampler="SOBOL")
+        found["LuxCore, bidirectional"] = Peer(inputs, command, ".npy", engine="BIDIRCPU", sampler="SOBOL")
     return found

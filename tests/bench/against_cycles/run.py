@@ -1,7 +1,7 @@
 """Runs the comparison of tests/bench/against_cycles.sh.
 
-Each scene is rendered by Tessera and by the versions of Cycles that are installed, alternately, with one
-thread, a box filter and no clamping (scenes.py says what else makes both do the same work):
+Each scene is rendered by Tessera and by the peers that are installed, alternately, with one thread, a box
+filter and no clamping (scenes.py says what else makes all do the same work):
 - reference: the mean of eight images, whose spread gives its own relMSE;
 - agreement: the means of the references, and of their blocks of 8 x 8 pixels (comparison.py); scenes that
   do not agree are shown, but give no ratio;
@@ -9,6 +9,8 @@ thread, a box filter and no clamping (scenes.py says what else makes both do the
   count for the goal is interpolated between measured counts, never extrapolated;
 - cost: difference of the CPU seconds of two renders that differ only in their sample counts, divided by
   the difference of samples, which excludes loading and building. The minimum of several;
+- adaptive sampling: the same error curve over noise thresholds, with the CPU seconds of each image, less
+  those of an image with one sample;
 - denoised: relMSE and CPU seconds with each renderer's denoiser.
 """
 
@@ -37,7 +39,14 @@ REFERENCE_IMAGES = 8
 LEVELS = {4: 16, 16: 16, 64: 8, 256: 4, 1024: 4, 4096: 4}
 COST_SAMPLES, COST_ROUNDS = (8, 56), 3
 DENOISED_LEVELS, DENOISED_SEEDS = (16, 64, 256), 3
-GUIDED = {"cornell_glass", "interior_window"}  # where path guiding can help: light arrives indirectly
+THRESHOLDS = (0.4, 0.2, 0.1, 0.05, 0.025, 0.0125)  # of adaptive sampling
+ADAPTIVE_SEEDS, ADAPTIVE_SPP = 8, 4096
+VARIANTS = {"guided", "adaptive"}  # with the expected image of the renderer itself, and not denoised
+SIMPLE = {"cornell_diffuse", "cornell_glass", "interior_window", "manylights200", "punctual"}
+SCENES_OF = {  # beginnings of names of renderers; the others render every scene
+    "Mitsuba": SIMPLE, "LuxCore": SIMPLE,  # what gltf_scene.py reads
+    "guided": {"cornell_glass", "interior_window"},  # where path guiding can help: light arrives indirectly
+    "adaptive": {"cornell_diffuse", "interior_window"}}
 US = "Tessera"
 
 
@@ -49,11 +58,21 @@ def jobs_of(spp, seeds, first_seed, size, **more):
     return [{"spp": spp, "seed": first_seed + k, "size": size, **more} for k in range(seeds)]
 
 
+def variant_of(renderer):
+    """Returns the last word of the name of a variant, or None."""
+    last = renderer.split(", ")[-1]
+    return last if last in VARIANTS else None
+
+
+def renders(renderer, name):
+    return all(name in scenes for word, scenes in SCENES_OF.items() if word in renderer)
+
+
 def references(name, renderers, size):
     spp = SCENES[name].reference_spp // REFERENCE_IMAGES
     made = {}
     for renderer, program in renderers.items():
-        if renderer.endswith("guided"):
+        if variant_of(renderer):
             continue  # the same expected image, and a second training for nothing
         made[renderer] = Reference([image for image, _ in program.render(
             name, jobs_of(spp, REFERENCE_IMAGES, 1, size))])
@@ -84,6 +103,23 @@ def error_curve(name, program, reference, size):
     return curve
 
 
+def adaptive_curve(name, program, reference, size):
+    """Returns [(CPU seconds per megapixel, errors of the seeds)] over noise thresholds."""
+    def spent(**job):
+        jobs = jobs_of(job.pop("spp"), 1, 7, COST_SIZE, **job)
+        return min(program.render(name, jobs)[0][1] for _ in range(COST_ROUNDS))
+
+    base, area = spent(spp=1), COST_SIZE[0] * COST_SIZE[1] * 1e-6
+    curve = []
+    for threshold in THRESHOLDS:
+        images = program.render(name, jobs_of(ADAPTIVE_SPP, ADAPTIVE_SEEDS, 1000, size, threshold=threshold))
+        errors = [reference.error_of(image) for image, _ in images]
+        curve.append(((spent(spp=ADAPTIVE_SPP, threshold=threshold) - base) / area, errors))
+        if statistics.mean(errors) <= GOAL / 2:
+            break
+    return curve
+
+
 def denoised(name, program, reference, cost, size):
     """Returns {spp: {raw, denoised, seconds_per_megapixel}}."""
     found = {}
@@ -99,17 +135,21 @@ def denoised(name, program, reference, cost, size):
 
 
 def compare(name, renderers, size):
-    renderers = {renderer: program for renderer, program in renderers.items()
-                 if name in GUIDED or not renderer.endswith("guided")}
+    renderers = {renderer: program for renderer, program in renderers.items() if renders(renderer, name)}
     made = references(name, renderers, size)
-    cost = cost_per_sample(name, renderers)
+    cost = cost_per_sample(name, {renderer: program for renderer, program in renderers.items()
+                                  if variant_of(renderer) != "adaptive"})
     row = {"scene": name, "renderers": {}}
     for renderer, program in renderers.items():
-        reference = made.get(renderer) or made[renderer.removesuffix(", guided")]
-        curve = [(1e6 * cost[renderer] * spp, errors)
-                 for spp, errors in error_curve(name, program, reference, size)]
+        reference = made.get(renderer) or made[renderer.removesuffix(f", {variant_of(renderer)}")]
+        if variant_of(renderer) == "adaptive":
+            curve = adaptive_curve(name, program, reference, size)
+        else:
+            curve = [(1e6 * cost[renderer] * spp, errors)
+                     for spp, errors in error_curve(name, program, reference, size)]
         means = comparison.means(curve)
-        entry = {"cpu_seconds_per_megasample": cost[renderer] * 1e6, "reference_relmse": reference.rel_mse,
+        per_sample = 1e6 * cost[renderer] if renderer in cost else None
+        entry = {"cpu_seconds_per_megasample": per_sample, "reference_relmse": reference.rel_mse,
                  "curve": curve, "slope": comparison.slope(means),
                  "seconds_per_megapixel": comparison.crossing(means, GOAL)}
         if renderer != US:
@@ -120,7 +160,7 @@ def compare(name, renderers, size):
             if None not in (entry["seconds_per_megapixel"], ours["seconds_per_megapixel"]):
                 entry["ratio"] = entry["seconds_per_megapixel"] / ours["seconds_per_megapixel"]
                 entry["interval"] = comparison.ratio_interval(curve, ours["curve"], GOAL)
-        if not renderer.endswith("guided"):
+        if renderer == US or renderer.startswith("Cycles") and not variant_of(renderer):
             entry["denoised"] = denoised(name, program, reference, cost[renderer], size)
         row["renderers"][renderer] = entry
         log(f"{name}: {renderer}: " + json.dumps({k: v for k, v in entry.items() if k != "curve"}))
@@ -148,7 +188,7 @@ def raw_table(rows, peer):
             ratios += [b["ratio"]] if "ratio" in b else []
         lines.append(
             f"| {row['scene']} | {b['mean_ratio']:.4f} | {b['differing']} of {b['blocks']} | "
-            f"{a['cpu_seconds_per_megasample']:.2f}, {b['cpu_seconds_per_megasample']:.2f} | "
+            f"{a['cpu_seconds_per_megasample']:.2f}, {number(b['cpu_seconds_per_megasample'])} | "
             f"{number(a['seconds_per_megapixel'])}, {number(b['seconds_per_megapixel'])} | {ratio} |")
     if ratios:
         lines += ["", f"{len(ratios)} comparable scenes: geometric mean {comparison.geometric_mean(ratios):.2f}, "
@@ -170,7 +210,7 @@ def denoised_table(rows, peer):
              "|---|---|---|---|---|"]
     for row in rows:
         b = row["renderers"].get(peer)
-        if b is None or not b["comparable"]:
+        if b is None or not b["comparable"] or "denoised" not in b:
             continue
         for spp, entry in b["denoised"].items():
             ours = error_at(row["renderers"][US]["denoised"], entry["seconds_per_megapixel"])
@@ -185,7 +225,7 @@ def tables(rows):
     parts = []
     for peer in found:
         parts.append(raw_table(rows, peer)[0])
-        if not peer.endswith("guided"):
+        if any("denoised" in row["renderers"].get(peer, {}) for row in rows):
             parts.append(denoised_table(rows, peer))
     return "\n\n".join(parts)
 
@@ -196,6 +236,7 @@ def main():
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/release/bin")
     parser.add_argument("--python", type=pathlib.Path, default=ROOT / "build/peers/bin/python")
     parser.add_argument("--only", action="append", choices=SCENES)
+    parser.add_argument("--peer", action="append", help="a peer by its name in renderers.py; all that are installed")
     parser.add_argument("--quick", action="store_true", help="smaller images, for wider intervals in half the time")
     parser.add_argument("--out", type=pathlib.Path, help="folder for results.json, tables.md and SVG curves")
     args = parser.parse_args()
@@ -207,7 +248,11 @@ def main():
         renderers = {US: Tessera(inputs, binaries), **peers(inputs, args.python),
                      f"{US}, guided": Tessera(inputs, binaries, guiding=True)}
         if len(renderers) == 2:
-            sys.exit("against_cycles: no Cycles is installed; see the head of tests/bench/against_cycles.sh")
+            sys.exit("against_cycles: no peer is installed; see the head of tests/bench/against_cycles.sh")
+        chosen = set(args.peer or renderers)
+        if not chosen <= set(renderers):
+            sys.exit(f"against_cycles: --peer is one of {', '.join(renderers)}")
+        renderers = {name: program for name, program in renderers.items() if name == US or name in chosen}
         rows = []
         for name in args.only or SCENES:
             rows.append(compare(name, renderers, QUICK_SIZE if args.quick else SIZE))
