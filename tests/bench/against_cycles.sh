@@ -3,7 +3,7 @@
 # and, for Cycles, error of denoised images at equal CPU time. See docs/notes/against-cycles.md.
 #
 #   tests/bench/against_cycles.sh SCENES [--bin DIR (build/release/bin)] [--python PATH] [--only NAME]…
-#                                 [--peer NAME]… [--quick] [--out DIR]
+#                                 [--peer NAME]… [--quick] [--raw] [--out DIR]
 #
 # SCENES is a directory with the files that against_cycles/scenes.py names. Needs python3-numpy,
 # python3-openimageio, and one or more of the peers:

@@ -316,9 +316,11 @@ def set_sampling(depth):
         blur_glossy=0, light_sampling_threshold=0, use_light_tree=True, caustics_reflective=True,
         caustics_refractive=True, max_bounces=bounces, diffuse_bounces=bounces, glossy_bounces=bounces,
         transmission_bounces=bounces, volume_bounces=bounces, transparent_max_bounces=128,
-        min_light_bounces=0, min_transparent_bounces=0, use_auto_tile=False, film_exposure=1,
-        denoiser="OPENIMAGEDENOISE", denoising_input_passes="RGB_ALBEDO_NORMAL",
-        denoising_prefilter="ACCURATE", denoising_quality="HIGH", denoising_use_gpu=False)
+        min_light_bounces=0, min_transparent_bounces=0, use_auto_tile=False, film_exposure=1)
+    if IS_NEW:  # Debian's 3.4 has no denoiser
+        settings |= dict(
+            denoiser="OPENIMAGEDENOISE", denoising_input_passes="RGB_ALBEDO_NORMAL",
+            denoising_prefilter="ACCURATE", denoising_quality="HIGH", denoising_use_gpu=False)
     for name, value in settings.items():
         put(cycles, name, value)
     settings = dict(

@@ -32,6 +32,7 @@ from scenes import SCENES
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 PR_SET_CHILD_SUBREAPER = 36
+US = "Tessera"
 GOAL = 0.01  # relMSE
 SIZE, QUICK_SIZE, COST_SIZE = (96, 72), (64, 48), (160, 120)
 REFERENCE_IMAGES = 8
@@ -42,12 +43,12 @@ DENOISED_LEVELS, DENOISED_SEEDS = (16, 64, 256), 3
 THRESHOLDS = (0.4, 0.2, 0.1, 0.05, 0.025, 0.0125)  # of adaptive sampling
 ADAPTIVE_SEEDS, ADAPTIVE_SPP = 8, 4096
 VARIANTS = {"guided", "adaptive"}  # with the expected image of the renderer itself, and not denoised
+DENOISED = {US, "Cycles 4.5"}
 SIMPLE = {"cornell_diffuse", "cornell_glass", "interior_window", "manylights200", "punctual"}
 SCENES_OF = {  # beginnings of names of renderers; the others render every scene
     "Mitsuba": SIMPLE, "LuxCore": SIMPLE,  # what gltf_scene.py reads
     "guided": {"cornell_glass", "interior_window"},  # where path guiding can help: light arrives indirectly
     "adaptive": {"cornell_diffuse", "interior_window"}}
-US = "Tessera"
 
 
 def log(*words):
@@ -134,7 +135,7 @@ def denoised(name, program, reference, cost, size):
     return found
 
 
-def compare(name, renderers, size):
+def compare(name, renderers, size, raw):
     renderers = {renderer: program for renderer, program in renderers.items() if renders(renderer, name)}
     made = references(name, renderers, size)
     cost = cost_per_sample(name, {renderer: program for renderer, program in renderers.items()
@@ -160,7 +161,7 @@ def compare(name, renderers, size):
             if None not in (entry["seconds_per_megapixel"], ours["seconds_per_megapixel"]):
                 entry["ratio"] = entry["seconds_per_megapixel"] / ours["seconds_per_megapixel"]
                 entry["interval"] = comparison.ratio_interval(curve, ours["curve"], GOAL)
-        if renderer == US or renderer.startswith("Cycles") and not variant_of(renderer):
+        if renderer in DENOISED and not raw:
             entry["denoised"] = denoised(name, program, reference, cost[renderer], size)
         row["renderers"][renderer] = entry
         log(f"{name}: {renderer}: " + json.dumps({k: v for k, v in entry.items() if k != "curve"}))
@@ -238,6 +239,7 @@ def main():
     parser.add_argument("--only", action="append", choices=SCENES)
     parser.add_argument("--peer", action="append", help="a peer by its name in renderers.py; all that are installed")
     parser.add_argument("--quick", action="store_true", help="smaller images, for wider intervals in half the time")
+    parser.add_argument("--raw", action="store_true", help="no denoised images")
     parser.add_argument("--out", type=pathlib.Path, help="folder for results.json, tables.md and SVG curves")
     args = parser.parse_args()
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
@@ -255,7 +257,7 @@ def main():
         renderers = {name: program for name, program in renderers.items() if name == US or name in chosen}
         rows = []
         for name in args.only or SCENES:
-            rows.append(compare(name, renderers, QUICK_SIZE if args.quick else SIZE))
+            rows.append(compare(name, renderers, QUICK_SIZE if args.quick else SIZE, args.raw))
             if args.out:
                 args.out.mkdir(parents=True, exist_ok=True)
                 (args.out / "results.json").write_text(json.dumps(rows, indent=1) + "\n")
