@@ -11,7 +11,7 @@
 #   python3.11 -m venv build/peers && build/peers/bin/python -m pip install 'bpy==4.5.*' mitsuba pyluxcore
 #   apt-get install --no-install-recommends blender libllvm19
 #
-# Mitsuba compiles its kernels by LLVM, and needs 19 or later; Debian's is found by
+# Mitsuba compiles its kernels by LLVM. Of Debian's versions, 15 fails and 19 works if Mitsuba is told where it is:
 # DRJIT_LIBLLVM_PATH=/usr/lib/x86_64-linux-gnu/libLLVM-19.so.
 #
 # The renderers run alternately with one thread each, for more than an hour.

@@ -9,8 +9,8 @@ filter and no clamping (scenes.py says what else makes all do the same work):
   count for the goal is interpolated between measured counts, never extrapolated;
 - cost: difference of the CPU seconds of two renders that differ only in their sample counts, divided by
   the difference of samples, which excludes loading and building. The minimum of several;
-- adaptive sampling: the same error curve over noise thresholds, with the CPU seconds of each image, less
-  those of an image with one sample;
+- adaptive sampling: the same error curve over noise thresholds, with the median of the CPU seconds of the
+  images, less those of an image with one sample;
 - denoised: relMSE and CPU seconds with each renderer's denoiser.
 """
 
@@ -48,7 +48,7 @@ SIMPLE = {"cornell_diffuse", "cornell_glass", "interior_window", "manylights200"
 SCENES_OF = {  # beginnings of names of renderers; the others render every scene
     "Mitsuba": SIMPLE, "LuxCore": SIMPLE,  # what gltf_scene.py reads
     "guided": {"cornell_glass", "interior_window"},  # where path guiding can help: light arrives indirectly
-    "adaptive": {"cornell_diffuse", "interior_window"}}
+    "adaptive": {"cornell_glass", "interior_window"}}  # where more samples are needed than it takes at least
 
 
 def log(*words):
@@ -106,16 +106,13 @@ def error_curve(name, program, reference, size):
 
 def adaptive_curve(name, program, reference, size):
     """Returns [(CPU seconds per megapixel, errors of the seeds)] over noise thresholds."""
-    def spent(**job):
-        jobs = jobs_of(job.pop("spp"), 1, 7, COST_SIZE, **job)
-        return min(program.render(name, jobs)[0][1] for _ in range(COST_ROUNDS))
-
-    base, area = spent(spp=1), COST_SIZE[0] * COST_SIZE[1] * 1e-6
+    base = min(cpu for _, cpu in program.render(name, jobs_of(1, COST_ROUNDS, 7, size)))
+    area = size[0] * size[1] * 1e-6
     curve = []
     for threshold in THRESHOLDS:
-        images = program.render(name, jobs_of(ADAPTIVE_SPP, ADAPTIVE_SEEDS, 1000, size, threshold=threshold))
-        errors = [reference.error_of(image) for image, _ in images]
-        curve.append(((spent(spp=ADAPTIVE_SPP, threshold=threshold) - base) / area, errors))
+        made = program.render(name, jobs_of(ADAPTIVE_SPP, ADAPTIVE_SEEDS, 1000, size, threshold=threshold))
+        errors = [reference.error_of(image) for image, _ in made]
+        curve.append(((statistics.median(cpu for _, cpu in made) - base) / area, errors))
         if statistics.mean(errors) <= GOAL / 2:
             break
     return curve
