@@ -45,7 +45,7 @@ ADAPTIVE_SEEDS, ADAPTIVE_SPP = 8, 4096
 VARIANTS = {"guided", "adaptive"}  # with the expected image of the renderer itself, and not denoised
 DENOISED = {US, "Cycles 4.5"}
 SIMPLE = {"cornell_diffuse", "cornell_glass", "interior_window", "manylights200", "punctual"}
-SCENES_OF = {  # beginnings of names of renderers; the others render every scene
+SCENES_OF = {  # by words in the names of renderers; the others render every scene
     "Mitsuba": SIMPLE, "LuxCore": SIMPLE,  # what gltf_scene.py reads
     "guided": {"cornell_glass", "interior_window"},  # where path guiding can help: light arrives indirectly
     "adaptive": {"cornell_glass", "interior_window"}}  # where more samples are needed than it takes at least
@@ -251,7 +251,8 @@ def main():
         chosen = set(args.peer or renderers)
         if not chosen <= set(renderers):
             sys.exit(f"against_cycles: --peer is one of {', '.join(renderers)}")
-        renderers = {name: program for name, program in renderers.items() if name == US or name in chosen}
+        chosen |= {US} | {name.removesuffix(f", {variant_of(name)}") for name in chosen}
+        renderers = {name: program for name, program in renderers.items() if name in chosen}
         rows = []
         for name in args.only or SCENES:
             rows.append(compare(name, renderers, QUICK_SIZE if args.quick else SIZE, args.raw))
