@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -26,7 +27,43 @@ struct Options {
   std::string scene;
   contract::RenderSettings settings;
   int seeds = 8, spp = 64, guided_spp = 64, reference_spp = 16384;
+  std::string reference_file;  // empty: the reference is not kept
 };
+
+/// Reads a reference of `count` values that write_reference() wrote; false if there is none.
+bool read_reference(const std::string& path, std::size_t count, Reference& reference) {
+  std::ifstream file(path, std::ios::binary);
+  reference.mean.resize(count);
+  reference.variance.resize(count);
+  for (Image* image : {&reference.mean, &reference.variance}) {
+    file.read(reinterpret_cast<char*>(image->data()),
+              static_cast<std::streamsize>(count * sizeof(double)));
+  }
+  return static_cast<bool>(file) && file.peek() == std::ifstream::traits_type::eof();
+}
+
+void write_reference(const std::string& path, const Reference& reference) {
+  std::ofstream file(path, std::ios::binary);
+  for (const Image* image : {&reference.mean, &reference.variance}) {
+    file.write(reinterpret_cast<const char*>(image->data()),
+               static_cast<std::streamsize>(image->size() * sizeof(double)));
+  }
+}
+
+/// The reference in the file, or a new one, which is written to the file.
+absl::StatusOr<Reference> reference_of(SeededRenderer& guided, const contract::TileGrid& grid,
+                                       const Options& options) {
+  Reference kept;
+  const auto count = static_cast<std::size_t>(options.settings.width) *
+                     static_cast<std::size_t>(options.settings.height) * 3;
+  if (!options.reference_file.empty() && read_reference(options.reference_file, count, kept)) {
+    kept.luminance = testing::mean_luminance(kept.mean);
+    return kept;
+  }
+  auto made = render_reference(guided, grid, options.reference_spp);
+  if (made.ok() && !options.reference_file.empty()) write_reference(options.reference_file, *made);
+  return made;
+}
 
 /// Mean over pixels and channels of the squared error divided by ref^2 + 0.01, less the reference's
 /// own variance.
@@ -87,8 +124,8 @@ int run(const Options& options) {
   absl::Status status = plain.load();
   if (status.ok()) status = guided.load();
   const contract::TileGrid grid(options.settings);
-  const auto reference = status.ok() ? render_reference(guided, grid, options.reference_spp)
-                                     : absl::StatusOr<Reference>(status);
+  const auto reference =
+      status.ok() ? reference_of(guided, grid, options) : absl::StatusOr<Reference>(status);
   Runs plain_runs, guided_runs;
   status = reference.status();
   for (int seed = 1; seed <= options.seeds && status.ok(); ++seed) {
@@ -127,6 +164,8 @@ int main(int argc, char** argv) {
   app.add_option("--guided-spp", o.guided_spp)->check(CLI::Range(4, 1 << 20));
   app.add_option("--seeds", o.seeds)->check(CLI::Range(1, 100'000));
   app.add_option("--reference-spp", o.reference_spp)->check(CLI::Range(64, 1 << 20));
+  app.add_option("--reference", o.reference_file,
+                 "File from which the reference is read, or to which it is written");
   app.add_option("--width", o.settings.width);
   app.add_option("--height", o.settings.height);
   app.add_option("--max-depth", o.settings.max_depth);

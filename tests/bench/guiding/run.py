@@ -29,6 +29,7 @@ def options_of():
     parser.add_argument("--out", type=Path)
     parser.add_argument("--results", type=Path)
     parser.add_argument("--scale", type=float, default=1)
+    parser.add_argument("--references", type=Path)
     return parser.parse_args()
 
 
@@ -36,6 +37,8 @@ def measure(options, folder, scene):
     plain, guided, reference = (max(4, round(options.scale * count)) for count in SAMPLES.get(scene, USUAL))
     command = [options.bin / "tessera-bench-guiding", folder / f"{scene}.gltf", "--spp", plain,
                "--guided-spp", guided, "--reference-spp", max(64, reference), "--seeds", options.seeds]
+    if options.references:
+        command += ["--reference", options.references / f"{scene}-{max(64, reference)}.reference"]
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         sys.exit(f"{' '.join(map(str, command))}: exit code {done.returncode}\n{done.stderr}")
@@ -68,6 +71,8 @@ def main():
     unknown = set(options.scenes) - set(SCENES)
     if unknown:
         sys.exit(f"no scene has the name {', '.join(sorted(unknown))}")
+    if options.references:
+        options.references.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         subprocess.run([sys.executable, ROOT / "tests/bench/guiding/scenes.py", folder], check=True)
