@@ -108,6 +108,12 @@ float probability_of(float gain, float share) {
   return gain > kMinGain ? kMaxProbability * (1 - kMinGain / gain) : 0;
 }
 
+/// Sampled by cosine, a contribution has the mean square `gain`, in units of that sampled by the
+/// guide; sampled by both, it has gain / (1 + probability (gain - 1)).
+float saving_of(float gain, float share, float probability) {
+  return share * share * (gain - gain / (1 + probability * (gain - 1)));
+}
+
 }  // namespace
 
 CellFit fit_cell(std::span<const Photon> photons) {
@@ -126,7 +132,9 @@ CellFit fit_cell(std::span<const Photon> photons) {
     fit.radius = tried;
   }
   fit.gain = static_cast<float>(best.gain);
-  fit.probability = probability_of(fit.gain, mean_share(photons));
+  const float share = mean_share(photons);
+  fit.probability = probability_of(fit.gain, share);
+  fit.saving = saving_of(fit.gain, share, fit.probability);
   if (fit.probability > 0) fit.tree = Projection(photons, fit.centre, fit.radius).tree(0, 1);
   return fit;
 }

@@ -17,6 +17,7 @@ struct CellFit {
   float radius = 0;  // of the sphere that directions lead to; 0: infinite
   float gain = 1;    // mean square of contributions sampled by cosine, relative to sampling this
   float probability = 0;            // with which paths follow it, 0 to kMaxProbability
+  float saving = 0;                 // relative variance of a sample that following it removes
   std::vector<DirectionNode> tree;  // empty if the probability is 0
 };
 

@@ -14,7 +14,7 @@ namespace {
 
 /// Cells with more photons are divided. Measured: docs/notes/guiding.md.
 constexpr std::size_t kMaxPhotons = 512;
-constexpr std::uint32_t kLeaf = 3;
+constexpr std::uint32_t kLeaf = 3, kUnguided = 4;  // axes of nodes that are not divided
 
 int longest_axis(std::span<const Photon> photons) {
   Box3f box;
@@ -98,23 +98,48 @@ std::unique_ptr<const Guide> Guide::from_photons(std::vector<Photon> photons,
     fits[static_cast<std::size_t>(i)] = fit_cell(cell);
   });
   for (const CellFit& fit : fits) {
-    guide->cells_.push_back({fit.box, fit.centre, fit.radius, fit.probability,
+    guide->cells_.push_back({fit.box, fit.centre, fit.radius, fit.probability, fit.saving,
                              static_cast<std::uint32_t>(guide->trees_.size())});
     guide->trees_.insert(guide->trees_.end(), fit.tree.begin(), fit.tree.end());
   }
   if (guide->trees_.empty()) return nullptr;
+  for (const std::uint32_t root : guide->roots_) guide->remove_unguided(root);
   return guide;
 }
 
-GuideLobe Guide::at(const Vec3f& position, const Vec3f& normal) const {
+/// Ends the tree where no cell is guided, so that at() is fast there. Returns whether one is.
+bool Guide::remove_unguided(std::size_t node) {
+  const KdNode here = nodes_[node];
+  const bool guided = here.axis == kLeaf
+                          ? cells_[here.below].probability > 0
+                          : static_cast<int>(remove_unguided(here.below)) +
+                                    static_cast<int>(remove_unguided(here.below + 1)) >
+                                0;
+  if (!guided) nodes_[node] = {0, kUnguided, 0};
+  return guided;
+}
+
+/// The guided cell at a point; null if there is none.
+const Guide::Cell* Guide::find(const Vec3f& position, const Vec3f& normal) const {
   const KdNode* node = &nodes_[roots_[facing(normal)]];
-  while (node->axis != kLeaf) {
+  while (node->axis < kLeaf) {
     const bool above = !(position[static_cast<int>(node->axis)] < node->plane);
     node = &nodes_[node->below + (above ? 1u : 0u)];
   }
+  if (node->axis == kUnguided) return nullptr;
   const Cell& cell = cells_[node->below];
-  if (!(cell.probability > 0) || !cell.box.contains(position)) return {};
-  return {cell.probability, cell.radius, position - cell.centre, &trees_[cell.tree]};
+  return cell.box.contains(position) ? &cell : nullptr;
+}
+
+GuideLobe Guide::at(const Vec3f& position, const Vec3f& normal) const {
+  const Cell* cell = find(position, normal);
+  if (cell == nullptr) return {};
+  return {cell->probability, cell->radius, position - cell->centre, &trees_[cell->tree]};
+}
+
+float Guide::saving(const Vec3f& position, const Vec3f& normal) const {
+  const Cell* cell = find(position, normal);
+  return cell == nullptr ? 0 : cell->saving;
 }
 
 std::int64_t Guide::memory_bytes() const {

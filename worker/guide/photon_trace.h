@@ -8,6 +8,7 @@
 #include "worker/accel/scene_accel.h"
 #include "worker/guide/guide.h"
 #include "worker/guide/photon.h"
+#include "worker/guide/photon_source.h"
 #include "worker/guide/visible_region.h"
 #include "worker/light/light_sampler.h"
 #include "worker/shading/surface/shading_scene.h"
@@ -30,20 +31,20 @@ struct PhotonScene {
 };
 
 /// Emits photons number `first` to `first + count - 1`, and returns where they arrive in `region`,
-/// in the order of their numbers, with a share of 0 or 1. Photon i is a function of the scene and i
-/// alone.
+/// in the order of their numbers, with a share of 0 or 1. Photon i is a function of the scene, the
+/// aim and i alone.
 ///
 /// Media do not affect photons, and BSDFs are sampled as if photons were paths from the camera: the
 /// guide only has to be similar to the light.
 std::vector<Photon> trace_photons(const PhotonScene& scene, const VisibleRegion& region,
-                                  std::int64_t first, std::int64_t count,
+                                  const PhotonAim& aim, std::int64_t first, std::int64_t count,
                                   const ParallelFor& parallel_for);
 
-/// The region where the first scattering events of paths along the camera rays are.
-VisibleRegion visible_region(const PhotonScene& scene);
+/// Where the first scattering events of paths along the camera rays are, at most two of a path.
+std::vector<SurfacePlace> seen_places(const PhotonScene& scene);
 
-/// Builds the guide of a frame; null if nothing gains from one. The number of photons depends on
-/// the scene: more are emitted while few arrive and guiding gains.
+/// Builds the guide of a frame; null if the image gains little from one. The number of photons
+/// depends on the scene: more are emitted while few arrive and guiding gains.
 std::unique_ptr<const Guide> build_guide(const PhotonScene& scene, const ParallelFor& parallel_for);
 
 }  // namespace tessera::render
