@@ -29,6 +29,7 @@ void for_each_plane(Block& block, const Visit& visit) {
   if (!shape.first_pass) return;
   if (shape.aovs & kAovDepth) visit(block.depth, 1);
   if (shape.aovs & kAovPosition) visit(block.position, 3);
+  if (shape.aovs & kAovMotion) visit(block.motion, 4);
   if (shape.aovs & kAovIds) visit(block.ids, 3);
 }
 

@@ -49,9 +49,11 @@ struct FilmBlock {
   /// [pixel][replicate][albedo 3, normal 3, depth, hits]: sums over camera hits, with the denoising
   /// layer. By replicate, so that a half of the samples can be denoised without the other half.
   std::vector<float> features;
-  std::vector<float> traversal_cost;    // [pixel][rays, nodes, primitives], sums over all samples
-  std::vector<float> depth;             // [pixel], pass 0
-  std::vector<float> position;          // [pixel][axis], pass 0
+  std::vector<float> traversal_cost;  // [pixel][rays, nodes, primitives], sums over all samples
+  std::vector<float> depth;           // [pixel], pass 0
+  std::vector<float> position;        // [pixel][axis], pass 0
+  /// [pixel][to previous x, y, to next x, y]: pixels to the right and up, pass 0.
+  std::vector<float> motion;
   std::vector<std::uint32_t> ids;       // [pixel][node, material, primitive] + 1, pass 0
   std::vector<DroppedSamples> dropped;  // by pixel, then replicate; no zero counts
   double clamped_energy = 0;    // Σ over samples and channels of radiance removed by --clamp

@@ -35,6 +35,8 @@ enum Aov : std::uint32_t {
   kAovTraversalCost = 1u << 7,
   // Input of the denoiser: mean, albedo, normal and depth of each replicate
   kAovDenoising = 1u << 8,
+  // Pixels by which the surface of sample 0 moves from the previous frame and to the next one
+  kAovMotion = 1u << 9,
 };
 
 /// Background seen by camera rays that leave the scene.

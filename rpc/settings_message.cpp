@@ -16,7 +16,7 @@
 namespace tessera::contract {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, Aov>, 9> kAovNames = {
+constexpr std::array<std::pair<std::string_view, Aov>, 10> kAovNames = {
     {{"albedo", kAovAlbedo},
      {"normal", kAovNormal},
      {"depth", kAovDepth},
@@ -25,7 +25,8 @@ constexpr std::array<std::pair<std::string_view, Aov>, 9> kAovNames = {
      {"samples", kAovSamples},
      {"stderr", kAovStdError},
      {"traversal-cost", kAovTraversalCost},
-     {"denoising", kAovDenoising}}};
+     {"denoising", kAovDenoising},
+     {"motion", kAovMotion}}};
 constexpr std::int64_t kMaxFrames = 1'000'000;
 constexpr std::int32_t kMaxSide = 65536;
 
@@ -128,7 +129,7 @@ absl::StatusOr<std::uint32_t> parse_aovs(const std::vector<std::string>& names) 
       return absl::InvalidArgumentError(absl::StrCat(
           "settings.aovs: \"", name, "\" is ",
           bit == 0 ? "not one of albedo, normal, depth, position, ids, samples, stderr, "
-                     "traversal-cost, denoising"
+                     "traversal-cost, denoising, motion"
                    : "repeated"));
     }
     aovs |= bit;

@@ -207,7 +207,7 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
   command
       .add_option("--aov", options.aovs,
                   "Additional layers: albedo, normal, depth, position, ids, samples, stderr, "
-                  "traversal-cost, denoising")
+                  "traversal-cost, denoising, motion")
       ->delimiter(',')
       ->type_name("LIST")
       ->group(group);

@@ -40,6 +40,9 @@ class Band {
     if (aovs_ & contract::kAovPosition) {
       add_layer({"position.X", "position.Y", "position.Z"}, ExrType::float32);
     }
+    if (aovs_ & contract::kAovMotion) {
+      add_layer({"backward.u", "backward.v", "forward.u", "forward.v"}, ExrType::float32);
+    }
     if (aovs_ & contract::kAovIds) {
       add_layer({"ids.node", "ids.material", "ids.primitive"}, ExrType::uint32);
     }
@@ -117,6 +120,8 @@ class Band {
       put_values({&tile.first_sample().depth[contract::as_index(pixel)], 1});
     if (aovs_ & contract::kAovPosition)
       put_values({&tile.first_sample().position[3 * contract::as_index(pixel)], 3});
+    if (aovs_ & contract::kAovMotion)
+      put_values({&tile.first_sample().motion[4 * contract::as_index(pixel)], 4});
     if (aovs_ & contract::kAovIds) {
       for (std::size_t k = 0; k < 3; ++k) {
         planes_[plane++].words[to] = tile.first_sample().ids[3 * contract::as_index(pixel) + k];

@@ -156,6 +156,7 @@ TileSum::TileSum(std::int32_t width, std::int32_t height, std::uint32_t aovs)
   if (aovs & contract::kAovTraversalCost) traversal_cost_.resize(3 * pixels);
   if (aovs & contract::kAovDepth) first_sample_.depth.resize(pixels);
   if (aovs & contract::kAovPosition) first_sample_.position.resize(3 * pixels);
+  if (aovs & contract::kAovMotion) first_sample_.motion.resize(4 * pixels);
   if (aovs & contract::kAovIds) first_sample_.ids.resize(3 * pixels);
 }
 
@@ -182,6 +183,7 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
   if (pass_count_ == 0) {
     first_sample_.depth = block.depth;
     first_sample_.position = block.position;
+    first_sample_.motion = block.motion;
     first_sample_.ids = block.ids;
   }
   if (!block.dropped.empty() && dropped_.empty()) {
@@ -206,7 +208,8 @@ std::int64_t TileSum::bytes() const {
                               hits_.size() + features_.size() + traversal_cost_.size() +
                               (measured_ ? measured_->largest.size() : 0);
   const std::size_t words = first_sample_.depth.size() + first_sample_.position.size() +
-                            first_sample_.ids.size() + dropped_.size();
+                            first_sample_.motion.size() + first_sample_.ids.size() +
+                            dropped_.size();
   return static_cast<std::int64_t>(sizeof *this + 8 * doubles + 4 * words);
 }
 

@@ -91,7 +91,7 @@ class TileSum {
   void traversal_cost(std::int64_t pixel, std::span<float, 3> out) const;
   /// Layers of sample 0; zeros before pass 0. Empty without their Aov bit.
   struct FirstSample {
-    std::vector<float> depth, position;
+    std::vector<float> depth, position, motion;
     std::vector<std::uint32_t> ids;
   };
   const FirstSample& first_sample() const { return first_sample_; }

@@ -11,7 +11,7 @@ differences in the last bit of sin().
 import sys
 from pathlib import Path
 
-from maker.cameras import lens, motion, screens
+from maker.cameras import lens, motion, moving_lamp, screens
 from maker.course import course
 from maker.farm import hidden_room, lit_square, missing_texture, quickstart, same_bits, stadium
 from maker.landscapes import fog, planes, terrain
@@ -27,7 +27,7 @@ def main():
     stale = []
     for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, hidden_room,
                  lens, screens, textures, optics, nested, shapes, csg, blobs, lamps, fog, flame,
-                 underwater, motion, terrain, course, planes):
+                 underwater, motion, moving_lamp, terrain, course, planes):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:

@@ -15,6 +15,7 @@
 #include "worker/light/light_sampler.h"
 #include "worker/render/camera/camera_rays.h"
 #include "worker/render/float_control.h"
+#include "worker/render/path/motion_vectors.h"
 #include "worker/render/path/path_tracer.h"
 #include "worker/render/pixel_sums.h"
 #include "worker/sampling/dimensions.h"
@@ -69,12 +70,34 @@ class PathTracingFrame final : public FrameRenderer {
   const CameraRays camera_;
   const SceneAccel accel_;
   const LightSampler lights_;
+  const std::unique_ptr<const MotionVectors> motion_;  // null unless its layer is requested
   const std::unique_ptr<const Guide> guide_;  // null unless the job asks for it and it gains
   const PixelFilterSampler filter_;
   const FrameContext context_;
   const float clamp_at_;
   const std::uint32_t aovs_;
 };
+
+std::size_t vertex_bytes(const SharedArray<Primitive>& primitives) {
+  std::size_t bytes = 0;
+  for (const Primitive& p : primitives) {
+    bytes +=
+        (p.positions.size() + p.normals.size()) * sizeof(Vec3f) + p.tangents.size() * sizeof(Vec4f);
+  }
+  return bytes;
+}
+
+/// Memory of the pose of another frame that `scene` does not share.
+std::size_t pose_bytes(const Scene* pose, const Scene& scene) {
+  if (pose == nullptr) return 0;
+  std::size_t bytes = pose->instances.size() * sizeof(Instance);
+  for (std::size_t i = 0; i < pose->meshes.size(); ++i) {
+    const SharedArray<Primitive>& primitives = pose->meshes[i].primitives;
+    const bool shared = i < scene.meshes.size() && primitives.shares(scene.meshes[i].primitives);
+    if (!shared) bytes += vertex_bytes(primitives);
+  }
+  return bytes;
+}
 
 std::int64_t scene_bytes(const Scene& scene) {
   std::size_t bytes = 0;
@@ -87,13 +110,9 @@ std::int64_t scene_bytes(const Scene& scene) {
                p.normals.size() * sizeof(Vec3f) + p.tangents.size() * sizeof(Vec4f) +
                (p.uv[0].size() + p.uv[1].size()) * sizeof(Vec2f) + p.colors.size() * sizeof(Vec4f);
     }
-    for (const SharedArray<Primitive>& key : mesh.keys) {
-      for (const Primitive& p : key) {
-        bytes += (p.positions.size() + p.normals.size()) * sizeof(Vec3f) +
-                 p.tangents.size() * sizeof(Vec4f);
-      }
-    }
+    for (const SharedArray<Primitive>& key : mesh.keys) bytes += vertex_bytes(key);
   }
+  bytes += pose_bytes(scene.before.get(), scene) + pose_bytes(scene.after.get(), scene);
   for (const auto& motion : scene.motions) bytes += motion.size() * sizeof(Affine3d);
   return static_cast<std::int64_t>(bytes + scene.instances.size() * sizeof(Instance));
 }
@@ -128,6 +147,12 @@ CameraRays camera_rays(const Scene& scene, const contract::RenderSettings& setti
     rays.start_near(scene.bounds_min, scene.bounds_max);
   }
   return rays;
+}
+
+std::unique_ptr<const MotionVectors> motion_vectors(const Scene& scene,
+                                                    const contract::RenderSettings& settings) {
+  if (scene.before == nullptr || scene.after == nullptr) return nullptr;
+  return std::make_unique<const MotionVectors>(scene, settings.width, settings.height);
 }
 
 /// A ParallelFor that checks the floating-point mode of the thread before each body.
@@ -176,6 +201,7 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
       accel_(timed_accel(scene_, parallel_for, before, with_counts(tracing, settings.aovs),
                          &timings_.accel_build_seconds)),
       lights_(scene_, shading_),
+      motion_(motion_vectors(scene_, settings)),
       guide_(guide_of({scene_,
                        shading_,
                        accel_,
@@ -202,7 +228,8 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                settings.aovs,
                !scene_.key_times.empty() || !scene_.camera.keys.empty() ||
                    shading_.assumes(kFeatureMotion),
-               guide_.get()},
+               guide_.get(),
+               motion_.get()},
       clamp_at_(static_cast<float>(settings.clamp)),
       aovs_(settings.aovs) {
   timings_.memory_bytes = scene_bytes(scene_) + shading_.memory_bytes + accel_.memory_bytes() +
@@ -317,6 +344,10 @@ void PathTracingFrame::store_first_hit(const PathResult& path, std::size_t pixel
     block->position[3 * pixel] = p.x;
     block->position[3 * pixel + 1] = p.y;
     block->position[3 * pixel + 2] = p.z;
+  }
+  if (!block->motion.empty()) {
+    std::copy(hit.motion.begin(), hit.motion.end(),
+              block->motion.begin() + static_cast<std::ptrdiff_t>(4 * pixel));
   }
   if (!block->ids.empty()) {
     block->ids[3 * pixel] = static_cast<std::uint32_t>(hit.node) + 1;

@@ -361,6 +361,9 @@ struct Scene {
   Vec3d center;                  // added to recentred positions in AOVs
   Vec3d bounds_min, bounds_max;  // recentred box around the transformed boxes of all meshes; see
                                  // visible_bounds() for a tight one
+  /// The scene one frame earlier and later, without images, solids and motion during the exposure;
+  /// null unless motion vectors are rendered.
+  std::shared_ptr<const Scene> before = nullptr, after = nullptr;
 };
 
 }  // namespace tessera::render

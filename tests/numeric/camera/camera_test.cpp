@@ -93,6 +93,41 @@ TEST(PanoramicCamera, RaysFollowProjectionFormula) {
   }
 }
 
+/// project() finds the film point of every ray, at any distance.
+void expect_projection(const Camera& camera) {
+  const CameraRays rays(camera, kWidth, kHeight);
+  for (double y = 0.37; y < kHeight; y += 3) {
+    for (double x = 0.61; x < kWidth; x += 3) {
+      CameraRay ray;
+      if (!rays.ray(x, y, {}, &ray)) continue;
+      const auto film = rays.project(Vec3d(ray.origin) + Vec3d(ray.direction) * 3.0);
+      ASSERT_TRUE(film.has_value());
+      EXPECT_NEAR(film->x, x, 2e-4) << static_cast<int>(camera.kind) << " at " << y;
+      EXPECT_NEAR(film->y, y, 2e-4) << static_cast<int>(camera.kind) << " at " << x;
+    }
+  }
+}
+
+TEST(Camera, ProjectionInvertsRays) {
+  Scene scene = empty_scene();
+  look_at(&scene, {1, 2, 5}, {0.2, 0, 0});
+  Camera& camera = scene.camera;
+  camera.yfov = 0.9;
+  camera.znear = 0.25;
+  camera.center_x = 0.3;
+  camera.center_y = -0.2;
+  expect_projection(camera);
+  EXPECT_FALSE(CameraRays(camera, kWidth, kHeight).project({2, 4, 10}).has_value()) << "behind";
+  camera.kind = Camera::Kind::orthographic;
+  camera.slant_x = 0.5;
+  camera.slant_y = -0.25;
+  expect_projection(camera);
+  expect_projection(curved(Camera::Kind::spherical, 1.3, 1).camera);
+  expect_projection(curved(Camera::Kind::cylindrical, 2, 2).camera);
+  expect_projection(curved(Camera::Kind::equidistant, 3, 3).camera);
+  expect_projection(curved(Camera::Kind::equisolid, 3, 3).camera);
+}
+
 TEST(PanoramicCamera, FisheyeIsBlackOutsideCircle) {
   Scene scene = curved(Camera::Kind::equidistant, std::numbers::pi, std::numbers::pi);
   set_constant_sky(&scene, 1);

@@ -5,7 +5,7 @@ import math
 from maker.gltf import Gltf, VERTICES
 from maker.looks import metal, mosaic, plain, png
 from maker.meshes import grid, quad, rounded, sphere, torus
-from maker.settings import room, turned
+from maker.settings import look_at, room, turned
 
 
 def lens():
@@ -169,4 +169,36 @@ def motion():
                          "output": gltf.floats(keys, kind, target=None)})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
     gltf.add("animations", {"name": "all of it", "samplers": samplers, "channels": channels})
+    return gltf
+
+
+def moving_lamp():
+    """An animation to be denoised: a small lamp and a ball cross a room, and a camera that stands and
+    one that drives through it. 24 frames."""
+    gltf = Gltf()
+    room(gltf, gltf.add("materials", {"pbrMetallicRoughness": {
+        "baseColorTexture": {"index": gltf.texture(png(64, 64, mosaic))},
+        "metallicFactor": 0, "roughnessFactor": 0.6}}))
+    spark = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 0.7, 0.35], extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": 220}}))
+    lamp = gltf.node(mesh=gltf.mesh(sphere(0.07, 8), spark))
+    clay = gltf.add("materials", plain(0.3, 0.55, 0.4))
+    ball = gltf.node(mesh=gltf.mesh(sphere(0.35, 12), clay))
+    gltf.node(mesh=gltf.mesh(torus(0.5, 0.16, 12), gltf.add("materials", metal(1.0, 0.72, 0.32, 0.5))),
+              translation=[0.9, 0.9, -1.2], rotation=turned((1, 0, 0), 70)[0])
+    eyes = []
+    for name, eye in (("still", (0, 1.5, 5.6)), ("driving", (-0.5, 1.5, 5.6))):
+        index = gltf.add("cameras", {"name": name, "type": "perspective",
+                                     "perspective": {"yfov": 0.62, "znear": 0.01}})
+        eyes.append(gltf.node(camera=index, translation=list(eye),
+                              rotation=look_at(eye, (eye[0], 1.3, 0))))
+    times = gltf.floats([[0.0], [1.0]], "SCALAR", bounds=True, target=None)
+    samplers, channels = [], []
+    for node, places in ((lamp, [[-1.6, 0.5, -1.1], [1.6, 1.5, -0.3]]),
+                         (ball, [[0.9, 0.35, 0.9], [-1.1, 0.35, 0.6]]),
+                         (eyes[1], [[-0.5, 1.5, 5.6], [0.5, 1.5, 5.0]])):
+        samplers.append({"input": times, "output": gltf.floats(places, "VEC3", target=None)})
+        channels.append({"sampler": len(samplers) - 1,
+                         "target": {"node": node, "path": "translation"}})
+    gltf.add("animations", {"samplers": samplers, "channels": channels})
     return gltf

@@ -22,10 +22,10 @@ absl::Status SeededRenderer::load() {
 absl::Status SeededRenderer::use_seed(std::uint32_t seed) {
   contract::RenderSettings settings = settings_;
   settings.seed = seed;
-  auto scene = file_->pose(settings, 0);
+  auto scene = file_->pose(settings, frame_);
   if (!scene.ok()) return scene.status();
-  auto next = render::FrameRenderer::create(*std::move(scene), settings, 0, render::sequential(),
-                                            renderer_.get());
+  auto next = render::FrameRenderer::create(*std::move(scene), settings, frame_,
+                                            render::sequential(), renderer_.get());
   if (!next.ok()) return next.status();
   renderer_ = *std::move(next);
   return absl::OkStatus();

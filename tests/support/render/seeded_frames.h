@@ -28,12 +28,15 @@ class SeededRenderer {
   /// Errors: those of the loader and of FrameRenderer::create.
   absl::Status load();
   absl::Status use_seed(std::uint32_t seed);
+  /// The frame of later seeds; 0 at first.
+  void set_frame(std::int32_t frame) { frame_ = frame; }
   contract::FilmBlock render(const contract::PixelRect& rect, const contract::Pass& pass,
                              std::int32_t index) const;
 
  private:
   std::string scene_;
   contract::RenderSettings settings_;
+  std::int32_t frame_ = 0;
   std::unique_ptr<FolderReader> reader_;
   std::unique_ptr<render::SceneFile> file_;
   std::unique_ptr<render::FrameRenderer> renderer_;

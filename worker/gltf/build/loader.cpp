@@ -144,7 +144,27 @@ class LoadedScene final : public SceneFile {
       absl::Status status = add_exposure(animations, input, cache, problems, posed->scene);
       if (!status.ok()) return status;
     }
+    if ((input.settings.aovs & contract::kAovMotion) != 0) {
+      absl::Status status = add_neighbours(input, cache, posed->scene);
+      if (!status.ok()) return status;
+    }
     return finish_scene(input.model, *std::move(posed), problems);
+  }
+
+  /// Adds the poses of the previous and the next frame. Properties animated by pointers keep their
+  /// values at the frame's time.
+  static absl::Status add_neighbours(PoseInput input, PoseCache& cache, Scene& scene) {
+    const double seconds = input.seconds, step = 1 / input.settings.fps;
+    input.center = scene.center;
+    for (const bool later : {false, true}) {
+      input.seconds = later ? seconds + step : seconds - step;
+      std::vector<Problem> ignored;
+      auto posed = build_scene(input, cache, ignored);
+      if (!posed.ok()) return posed.status();
+      posed->scene.images.clear();
+      (later ? scene.after : scene.before) = std::make_shared<const Scene>(std::move(posed->scene));
+    }
+    return absl::OkStatus();
   }
 
   /// Adds the motion during the shutter of the scene's camera, if it has one. Properties animated

@@ -175,6 +175,41 @@ bool CameraRays::from_curved_projection(double x, double y, CameraRay* out) cons
   return true;
 }
 
+std::optional<FilmPoint> CameraRays::project(const Vec3d& p) const {
+  const Vec3d from_eye = p - eye_;
+  const Vec3d local{dot(from_eye, right_), dot(from_eye, up_), dot(from_eye, forward_)};
+  if (kind_ > Camera::Kind::orthographic) return to_curved_projection(local);
+  double sideways = local.x - slant_x_ * local.z, upwards = local.y - slant_y_ * local.z;
+  if (kind_ == Camera::Kind::perspective) {
+    if (!(local.z > 0)) return std::nullopt;
+    sideways = local.x / local.z;
+    upwards = local.y / local.z;
+  }
+  return FilmPoint{half_width_ + (sideways - center_x_) / pixel_,
+                   half_height_ - (upwards - center_y_) / pixel_};
+}
+
+std::optional<FilmPoint> CameraRays::to_curved_projection(const Vec3d& local) const {
+  if (kind_ == Camera::Kind::spherical || kind_ == Camera::Kind::cylindrical) {
+    const double turn = elementary::atan2(local.x, local.z);
+    const double level = std::sqrt(local.x * local.x + local.z * local.z);
+    if (!(level > 0)) return std::nullopt;
+    const double rise = kind_ == Camera::Kind::spherical
+                            ? elementary::atan2(local.y, level) / (0.5 * vertical_angle_)
+                            : local.y / (level * elementary::tan(0.5 * vertical_angle_));
+    return FilmPoint{half_width_ * (1 + turn / (0.5 * horizontal_angle_)),
+                     half_height_ * (1 - rise)};
+  }
+  const double aside = std::sqrt(local.x * local.x + local.y * local.y);
+  const double angle = elementary::atan2(aside, local.z), widest = 0.5 * horizontal_angle_;
+  const double r = kind_ == Camera::Kind::equidistant
+                       ? angle / widest
+                       : elementary::sin(0.5 * angle) / elementary::sin(0.5 * widest);
+  const double circle = half_width_ < half_height_ ? half_width_ : half_height_;
+  const double scale = aside > 0 ? circle * r / aside : 0;
+  return FilmPoint{half_width_ + local.x * scale, half_height_ - local.y * scale};
+}
+
 double CameraRays::depth(const Vec3f& p) const {
   return dot(Vec3d(p) - eye_, forward_);
 }

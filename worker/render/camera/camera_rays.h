@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "worker/math/vector.h"
@@ -13,6 +14,11 @@ struct CameraRay {
   Vec3f origin;     // on the near plane (curved projections: near sphere), recentred world
   Vec3f direction;  // unit
   float t_max = 0;  // to the far plane or sphere
+};
+
+/// A point of the film, pixels from its top left corner.
+struct FilmPoint {
+  double x = 0, y = 0;
 };
 
 /// Generates camera rays from film points. yfov or ymag is kept and the image's aspect ratio
@@ -50,11 +56,17 @@ class CameraRays {
   /// Distance of `p` (recentred world) along the viewing direction, metres.
   double depth(const Vec3f& p) const;
 
+  /// Film point, as for ray(), of `p` (recentred world) for a ray through the lens's centre. It may
+  /// be outside the image. nullopt if there is no such ray, as for points behind a perspective
+  /// camera.
+  std::optional<FilmPoint> project(const Vec3d& p) const;
+
  private:
   void place(const Affine3d& camera_to_world);
   void set_footprint();
   bool through_lens(double sideways, double upwards, Vec2f lens, CameraRay* out) const;
   bool from_curved_projection(double x, double y, CameraRay* out) const;
+  std::optional<FilmPoint> to_curved_projection(const Vec3d& local) const;
 
   Vec3d right_, up_, forward_, eye_;
   Vec3d along_;                      // direction of orthographic rays per metre of depth

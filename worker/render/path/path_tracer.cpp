@@ -13,6 +13,7 @@
 #include "worker/media/medium_stack.h"
 #include "worker/media/medium_traversal.h"
 #include "worker/media/phase.h"
+#include "worker/render/path/motion_vectors.h"
 #include "worker/render/path/path_media.h"
 #include "worker/sampling/dimensions.h"
 #include "worker/sampling/equi_angular.h"
@@ -82,7 +83,8 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
   void choose_wavelength();
   bool is_cut();
   void add_environment();
-  void record(const ShadingPoint& point, const SurfacePoint& position, const Vec4f& base);
+  void record(const Hit& met, const ShadingPoint& point, const SurfacePoint& position,
+              const Vec4f& base);
   void add_emission(const ShadingPoint& point, const TriangleId& id, const Vec3f& position);
   void continue_behind(const Hit& hit, const SurfacePoint& position);
   bool passes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePoint& position);
@@ -205,7 +207,7 @@ bool PathTracer<kMedia>::step(const Hit& hit) {
     if (Media::passes_unseen(point, hit, position)) return true;
   }
   const Vec4f base = base_color_at(frame_.shading, point);
-  if (path_.depth == 0 && !path_.result.hit.present) record(point, position, base);
+  if (path_.depth == 0 && !path_.result.hit.present) record(hit, point, position, base);
   if (point.material->source->unlit) {
     path_.result.radiance += path_.throughput * base.xyz();
     if (PathObserver* observer = scratch_->observer) [[unlikely]]
@@ -303,8 +305,8 @@ void PathTracer<kMedia>::add_environment() {
 }
 
 template <bool kMedia>
-void PathTracer<kMedia>::record(const ShadingPoint& point, const SurfacePoint& position,
-                                const Vec4f& base) {
+void PathTracer<kMedia>::record(const Hit& met, const ShadingPoint& point,
+                                const SurfacePoint& position, const Vec4f& base) {
   CameraHit& hit = path_.result.hit;
   hit.present = true;
   hit.albedo = base.xyz();
@@ -322,6 +324,8 @@ void PathTracer<kMedia>::record(const ShadingPoint& point, const SurfacePoint& p
     hit.depth = static_cast<float>(camera.moves() ? camera.at(hit.time).depth(hit.position)
                                                   : camera.depth(hit.position));
   }
+  if (frame_.motion != nullptr) [[unlikely]]
+    hit.motion = frame_.motion->of(met);
 }
 
 template <bool kMedia>

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -20,6 +21,7 @@
 namespace tessera::render {
 
 class Guide;
+class MotionVectors;
 
 /// Data shared by all paths of a frame. Immutable while paths are traced.
 struct FrameContext {
@@ -34,9 +36,10 @@ struct FrameContext {
   bool cull_backfaces = false;
   std::uint32_t seed = 0;
   std::int32_t frame = 0;
-  std::uint32_t aovs = 0;        // contract::Aov bits
-  bool moves = false;            // something moves during the exposure: rays have times
-  const Guide* guide = nullptr;  // directions of light for --guiding; may be null
+  std::uint32_t aovs = 0;                 // contract::Aov bits
+  bool moves = false;                     // something moves during the exposure: rays have times
+  const Guide* guide = nullptr;           // directions of light for --guiding; may be null
+  const MotionVectors* motion = nullptr;  // null unless the motion layer is requested
 };
 
 /// Memory of a thread for tracing paths, so that no path allocates.
@@ -56,6 +59,7 @@ struct CameraHit {
   std::int32_t node = 0, material = 0, primitive = 0;
   float time = 0;   // of the ray that met it
   float depth = 0;  // along the view axis; zero unless the denoising layer is requested
+  std::array<float, 4> motion{};  // as FilmBlock::motion; zero unless requested
 };
 
 /// One sample of a pixel.
