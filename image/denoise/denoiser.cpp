@@ -1,44 +1,30 @@
 #include "image/denoise/denoiser.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cstddef>
 #include <functional>
-#include <thread>
 #include <utility>
 
-#include "image/denoise/frame_input.h"
+#include "image/denoise/frames/frame_input.h"
+#include "image/denoise/frames/parallel.h"
 #include "image/denoise/half_denoiser.h"
 #include "image/denoise/pixel_errors.h"
 
 namespace tessera::image {
-namespace {
-
 using contract::PixelRect;
-
-/// Calls work(i) for all i < count, with several threads.
-void for_all(std::int32_t count, int threads, const std::function<void(std::int32_t)>& work) {
-  std::atomic<std::int32_t> next{0};
-  const auto run = [&] {
-    for (std::int32_t i = next++; i < count; i = next++) work(i);
-  };
-  std::vector<std::thread> others;
-  for (int k = 1; k < std::min(threads, count); ++k) others.emplace_back(run);
-  run();
-  for (std::thread& thread : others) thread.join();
-}
-
-}  // namespace
 
 class Denoiser::State {
  public:
-  State(const DenoiseFrame& frame, const PixelRect& window, int threads)
+  State(const DenoiseFrame& frame, const PixelRect& window, int threads,
+        const AnimationInput* animation)
       : frame_(frame),
         window_(window),
         threads_(threads),
+        has_guide_(animation != nullptr),
         tiles_((window.width + kDenoiseTile - 1) / kDenoiseTile),
         next_row_(window.y),
-        halves_{HalfDenoiser(0, frame, window), HalfDenoiser(1, frame, window)},
+        halves_{HalfDenoiser(0, frame, window, animation),
+                HalfDenoiser(1, frame, window, animation)},
         tile_sums_(static_cast<std::size_t>(tiles_)) {}
 
   std::int32_t input_begin() const {
@@ -51,8 +37,10 @@ class Denoiser::State {
     const FrameInput input(frame_, rows);
     const std::int32_t end = band_end();
     for (HalfDenoiser& half : halves_) half.extend(end);
-    run_stage(kGuideStage,
-              [&](HalfDenoiser& half, const PixelRect& part) { half.add_guide(input, part); });
+    if (!has_guide_) {
+      run_stage(kGuideStage,
+                [&](HalfDenoiser& half, const PixelRect& part) { half.add_guide(input, part); });
+    }
     run_stage(kCandidateStage,
               [&](HalfDenoiser& half, const PixelRect& part) { half.add_candidates(input, part); });
     DenoisedRows result = blended_rows(input);
@@ -131,6 +119,7 @@ class Denoiser::State {
   const DenoiseFrame frame_;
   const PixelRect window_;
   const int threads_;
+  const bool has_guide_;
   const std::int32_t tiles_;  // columns of tiles
   std::int32_t next_row_;
   HalfDenoiser halves_[2];
@@ -138,8 +127,9 @@ class Denoiser::State {
   DenoiseSums sums_;
 };
 
-Denoiser::Denoiser(const DenoiseFrame& frame, const PixelRect& window, int threads)
-    : state_(std::make_unique<State>(frame, window, threads)) {}
+Denoiser::Denoiser(const DenoiseFrame& frame, const PixelRect& window, int threads,
+                   const AnimationInput* animation)
+    : state_(std::make_unique<State>(frame, window, threads, animation)) {}
 
 Denoiser::~Denoiser() = default;
 Denoiser::Denoiser(Denoiser&&) noexcept = default;

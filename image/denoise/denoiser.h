@@ -7,30 +7,17 @@
 
 #include "contract/render_settings.h"
 #include "image/denoise/denoised_error.h"
+#include "image/denoise/frames/frame_fusion.h"
+#include "image/denoise/frames/frame_input.h"
 
 namespace tessera::image {
 
-/// Planes that denoising reads: for each of four replicates the channels of layers.h, in order.
-constexpr int kDenoiseInputs = 44;
 /// Rows that are denoised together.
 constexpr std::int32_t kDenoiseBand = 64;
 /// Side of the tiles whose errors are summed; tiles are aligned to the frame's top left.
 constexpr std::int32_t kDenoiseTile = 128;
 /// Pixels around a denoised one on which its value depends.
 constexpr std::int32_t kDenoiseMargin = 28;
-
-/// A frame of which some pixels are denoised.
-struct DenoiseFrame {
-  std::int32_t width = 0, height = 0;
-  /// The frame's mean luminance m > 0, the unit of the filter's tolerances.
-  double mean_luminance = 1;
-};
-
-/// Rows of a frame, row by row from the top, from row `first` on. All values must be finite.
-struct DenoiseRows {
-  std::int32_t first = 0;
-  std::array<const float*, kDenoiseInputs> planes{};
-};
 
 /// Denoised rows: R, G, B, row by row from the top, in the frame's unit.
 struct DenoisedRows {
@@ -58,7 +45,9 @@ class Denoiser {
  public:
   /// The window is part of the frame. Its left and top are multiples of kDenoiseTile, and so are
   /// its right and bottom unless they are the frame's.
-  Denoiser(const DenoiseFrame& frame, const contract::PixelRect& window, int threads);
+  /// With `animation`, the neighbours of the frame count too; it may be null.
+  Denoiser(const DenoiseFrame& frame, const contract::PixelRect& window, int threads,
+           const AnimationInput* animation = nullptr);
   ~Denoiser();
   Denoiser(Denoiser&&) noexcept;
   Denoiser(const Denoiser&) = delete;

@@ -25,6 +25,17 @@ std::size_t position(const std::vector<ExrPlane>& planes, const std::string& nam
   return static_cast<std::size_t>(found - planes.begin());
 }
 
+bool has_all(const std::vector<ExrPlane>& planes, const std::vector<std::string>& names) {
+  return std::all_of(names.begin(), names.end(), [&](const std::string& name) {
+    const std::size_t found = position(planes, name);
+    return found < planes.size() && planes[found].type != ExrType::uint32;
+  });
+}
+
+DenoiseFrame frame_of(std::int32_t width, std::int32_t height, double mean_luminance) {
+  return {width, height, mean_luminance > 0 ? mean_luminance : 1};
+}
+
 std::size_t as_size(std::int32_t value) {
   return static_cast<std::size_t>(value);
 }
@@ -34,11 +45,11 @@ std::size_t as_size(std::int32_t value) {
 class FrameDenoiser::State {
  public:
   State(std::int32_t width, std::int32_t height, double mean_luminance,
-        const std::vector<ExrPlane>& inputs, int threads)
+        const std::vector<ExrPlane>& inputs, int threads, const AnimationInput* animation)
       : width_(width),
         height_(height),
-        denoiser_({width, height, mean_luminance > 0 ? mean_luminance : 1}, {0, 0, width, height},
-                  threads) {
+        denoiser_(frame_of(width, height, mean_luminance), {0, 0, width, height}, threads,
+                  animation) {
     for (std::size_t r = 0; r < kReplicates; ++r) {
       for (std::size_t c = 0; c < kPerReplicate; ++c) {
         inputs_.push_back(position(inputs, channel_name(r, c)));
@@ -202,8 +213,9 @@ class FrameDenoiser::State {
 };
 
 FrameDenoiser::FrameDenoiser(std::int32_t width, std::int32_t height, double mean_luminance,
-                             const std::vector<ExrPlane>& inputs, int threads)
-    : state_(std::make_unique<State>(width, height, mean_luminance, inputs, threads)) {}
+                             const std::vector<ExrPlane>& inputs, int threads,
+                             const AnimationInput* animation)
+    : state_(std::make_unique<State>(width, height, mean_luminance, inputs, threads, animation)) {}
 
 FrameDenoiser::~FrameDenoiser() = default;
 FrameDenoiser::FrameDenoiser(FrameDenoiser&&) noexcept = default;
@@ -213,10 +225,11 @@ bool FrameDenoiser::has_layers(const std::vector<ExrPlane>& inputs) {
   for (std::size_t r = 0; r < kReplicates; ++r) {
     for (std::size_t c = 0; c < kPerReplicate; ++c) names.push_back(channel_name(r, c));
   }
-  return std::all_of(names.begin(), names.end(), [&](const std::string& name) {
-    const std::size_t found = position(inputs, name);
-    return found < inputs.size() && inputs[found].type != ExrType::uint32;
-  });
+  return has_all(inputs, names);
+}
+
+bool FrameDenoiser::has_motion(const std::vector<ExrPlane>& inputs) {
+  return has_layers(inputs) && has_all(inputs, {kMotionChannels.begin(), kMotionChannels.end()});
 }
 
 const std::vector<ExrPlane>& FrameDenoiser::planes() const {
@@ -230,6 +243,23 @@ absl::Status FrameDenoiser::push(std::int32_t rows, const std::vector<ExrPlane>&
 
 DenoisedError FrameDenoiser::error(double quantile) const {
   return denoised_error(state_->sums(), quantile);
+}
+
+AnimationFrame animation_frame(std::int32_t width, std::int32_t height, double mean_luminance,
+                               const std::vector<ExrPlane>& inputs, int threads) {
+  const auto values = [&](const std::string& name) {
+    return inputs[position(inputs, name)].values.data();
+  };
+  AnimationFrame frame;
+  frame.frame = frame_of(width, height, mean_luminance);
+  for (std::size_t r = 0; r < kReplicates; ++r) {
+    for (std::size_t c = 0; c < kPerReplicate; ++c)
+      frame.rows.planes[r * kPerReplicate + c] = values(channel_name(r, c));
+  }
+  for (std::size_t k = 0; k < kMotionChannels.size(); ++k)
+    frame.motion[k] = values(kMotionChannels[k]);
+  find_guides(frame, threads);
+  return frame;
 }
 
 }  // namespace tessera::image

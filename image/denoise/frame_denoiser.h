@@ -20,9 +20,11 @@ class FrameDenoiser {
   using Sink = std::function<absl::Status(std::int32_t rows, const std::vector<ExrPlane>& planes)>;
 
   /// `mean_luminance` is m of the frame, in the scale of R, G, B; 0 if it is unknown. `inputs` are
-  /// the channels of the frame. `threads` changes the time only. Requires has_layers(inputs).
+  /// the channels of the frame. `threads` changes the time only. With `animation`, the neighbours
+  /// of the frame count too; it may be null. Requires has_layers(inputs).
   FrameDenoiser(std::int32_t width, std::int32_t height, double mean_luminance,
-                const std::vector<ExrPlane>& inputs, int threads);
+                const std::vector<ExrPlane>& inputs, int threads,
+                const AnimationInput* animation = nullptr);
   ~FrameDenoiser();
   FrameDenoiser(FrameDenoiser&&) noexcept;
   FrameDenoiser(const FrameDenoiser&) = delete;
@@ -30,6 +32,8 @@ class FrameDenoiser {
 
   /// Whether R, G, B and all channels of layers.h are among `inputs`.
   static bool has_layers(const std::vector<ExrPlane>& inputs);
+  /// Whether all of them and kMotionChannels are among `inputs`.
+  static bool has_motion(const std::vector<ExrPlane>& inputs);
 
   /// The channels of the output, without pixels.
   const std::vector<ExrPlane>& planes() const;
@@ -43,5 +47,10 @@ class FrameDenoiser {
   class State;
   std::unique_ptr<State> state_;
 };
+
+/// A frame of an animation, with its guides. `inputs` are all rows of its channels and must outlive
+/// it. Otherwise as for FrameDenoiser. Requires FrameDenoiser::has_motion(inputs).
+AnimationFrame animation_frame(std::int32_t width, std::int32_t height, double mean_luminance,
+                               const std::vector<ExrPlane>& inputs, int threads);
 
 }  // namespace tessera::image

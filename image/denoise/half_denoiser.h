@@ -9,7 +9,9 @@
 #include "image/denoise/filter/candidate_choice.h"
 #include "image/denoise/filter/half_filter.h"
 #include "image/denoise/filter/rolling_rows.h"
-#include "image/denoise/frame_input.h"
+#include "image/denoise/frames/frame_fusion.h"
+#include "image/denoise/frames/frame_input.h"
+#include "image/denoise/frames/guide_rows.h"
 
 namespace tessera::image {
 
@@ -28,6 +30,7 @@ constexpr FilterStage kCandidateStage{(kPooledCells + 1) * kDenoiseCell, kBlurMa
 /// The first filter: windows end at the frame; patches and noise reach 1 + 2 pixels further.
 constexpr FilterStage kGuideStage{kCandidateStage.reach + kHalfMargin, kCandidateStage.beyond + 3};
 static_assert(kGuideStage.reach + kHalfMargin == kDenoiseMargin);
+static_assert(kGuideStage.beyond == kGuideBeyond);
 
 /// A denoised half in a part of the window with kBlurMargin pixels on each side.
 struct BlendedHalf {
@@ -42,8 +45,10 @@ struct BlendedHalf {
 /// later ones depend on. Several threads can work on different parts of the same rows.
 class HalfDenoiser {
  public:
-  /// `index` is 0 or 1.
-  HalfDenoiser(std::size_t index, const DenoiseFrame& frame, const contract::PixelRect& window);
+  /// `index` is 0 or 1. With `animation`, the guide is the frame's, and the fused frame adds
+  /// candidates; it may be null.
+  HalfDenoiser(std::size_t index, const DenoiseFrame& frame, const contract::PixelRect& window,
+               const AnimationInput* animation);
 
   /// Makes room for what the rows up to `end` of the window depend on.
   void extend(std::int32_t end);
@@ -60,17 +65,30 @@ class HalfDenoiser {
   std::int32_t stage_end(const FilterStage& stage, std::int32_t end) const;
 
  private:
-  void add_cells(const Half& half, const Guide& guide, const Candidates& candidates,
+  /// Products of errors in each cell, from the candidates' reach above and left of the window.
+  template <std::size_t kCount>
+  using CellRows = RollingRows<Products<kCount>>;
+
+  void add_fused(const Half& half, const Guide& guide, const Candidates& alone,
                  const contract::PixelRect& part);
+  template <std::size_t kCount>
+  void add_cells(const Half& half, const Guide& guide, const CandidatePairs<kCount>& pairs,
+                 const contract::PixelRect& part, CellRows<kCount>& to);
+  void put_means(const StreamPair& pair, const Half& half, std::size_t candidate,
+                 const contract::PixelRect& part);
+  template <std::size_t kCount>
+  BlendedHalf blend_cells(const FrameInput& input, const contract::PixelRect& part,
+                          const CellRows<kCount>& cells) const;
 
   const std::size_t index_;
-  const std::int32_t frame_height_;
+  const DenoiseFrame frame_;
   const contract::PixelRect window_;
-  const std::int32_t left_;                // x of the first pixel of the rows below
-  std::vector<RollingRows<float>> guide_;  // R, G, B, variance
-  std::vector<RollingRows<float>>
-      means_;                    // of both streams: zero-order R, G, B, first-order R, G, B
-  RollingRows<Products> cells_;  // from the candidates' reach above and left of the window
+  const AnimationInput* const animation_;
+  const std::int32_t left_;                 // x of the first pixel of the rows below
+  GuideRows guide_;                         // unused with animation_
+  std::vector<RollingRows<float>> means_;   // of both streams: R, G, B of all candidates but raw
+  CellRows<kCandidates> cells_;             // unused with animation_
+  CellRows<kFusedCandidates> fused_cells_;  // unused without
 };
 
 }  // namespace tessera::image

@@ -7,30 +7,43 @@
 namespace tessera::image {
 namespace {
 
-double product(const Products& products, std::size_t k, std::size_t l) {
+template <std::size_t kCount>
+double product(const Products<kCount>& products, std::size_t k, std::size_t l) {
   const std::size_t row = std::max(k, l), column = std::min(k, l);
   return products[row * (row + 1) / 2 + column];
 }
 
 /// Sum of the products of the cells around one, near ones counting more.
-Products pooled_products(const RollingRows<Products>& cells, std::int32_t column,
-                         std::int32_t row) {
+template <std::size_t kCount>
+Products<kCount> pooled_products(const RollingRows<Products<kCount>>& cells, std::int32_t column,
+                                 std::int32_t row) {
   constexpr double kWeights[] = {1, 2, 3, 2, 1};
-  Products sum{};
+  Products<kCount> sum{};
   for (std::int32_t dy = -kPooledCells; dy <= kPooledCells; ++dy) {
     for (std::int32_t dx = -kPooledCells; dx <= kPooledCells; ++dx) {
-      const Products& from = cells.row(row + dy)[column + dx];
-      for (std::size_t k = 0; k < kProducts; ++k)
+      const Products<kCount>& from = cells.row(row + dy)[column + dx];
+      for (std::size_t k = 0; k < sum.size(); ++k)
         sum[k] += kWeights[dy + kPooledCells] * kWeights[dx + kPooledCells] * from[k];
     }
   }
   return sum;
 }
 
+/// The products of kCandidates candidates, from `first` on.
+Products<kCandidates> block_of(const Products<kFusedCandidates>& products, std::size_t first) {
+  Products<kCandidates> block;
+  std::size_t to = 0;
+  for (std::size_t k = 0; k < kCandidates; ++k) {
+    for (std::size_t l = 0; l <= k; ++l)
+      block[to++] = product<kFusedCandidates>(products, first + k, first + l);
+  }
+  return block;
+}
+
 /// Finds the shares, at least 0 and 1 in sum, with the least squared error.
 class BestShares {
  public:
-  explicit BestShares(const Products& products) : products_(products) {
+  explicit BestShares(const Products<kCandidates>& products) : products_(products) {
     for (std::size_t k = 0; k < kCandidates; ++k) {
       double alone[kCandidates] = {};
       alone[k] = 1;
@@ -42,15 +55,20 @@ class BestShares {
     consider_all();
   }
 
-  Shares shares() const {
+  /// All for the first candidate unless a mixture is clearly better. It must be the raw image.
+  Shares<kCandidates> shares_or_raw() const {
     const double raw_variance = at(0, 0) / 3;  // ¼ (a − b)², where at(0, 0) sums ¾ (a − b)²
     if (!(least_ < at(0, 0) - FilterParameters::kLeastGain * raw_variance)) return {1, 0, 0};
+    return shares();
+  }
+
+  Shares<kCandidates> shares() const {
     return {static_cast<float>(best_[0]), static_cast<float>(best_[1]),
             static_cast<float>(best_[2])};
   }
 
  private:
-  double at(std::size_t k, std::size_t l) const { return product(products_, k, l); }
+  double at(std::size_t k, std::size_t l) const { return product<kCandidates>(products_, k, l); }
 
   void consider(const double (&shares)[kCandidates]) {
     double square = 0;
@@ -84,15 +102,16 @@ class BestShares {
     if (u > 0 && v > 0 && u + v < 1) consider({1 - u - v, u, v});
   }
 
-  const Products& products_;
+  const Products<kCandidates>& products_;
   bool has_best_ = false;
   double least_ = 0, best_[kCandidates] = {};
 };
 
 }  // namespace
 
-void add_products(const CandidatePairs& candidates, const ColourPlanes& guide, std::size_t i,
-                  Products& sums) {
+template <std::size_t kCount>
+void add_products(const CandidatePairs<kCount>& candidates, const ColourPlanes& guide,
+                  std::size_t i, Products<kCount>& sums) {
   const StreamPair& raw = *candidates[0];
   for (std::size_t c = 0; c < 3; ++c) {
     const double square = guide[c][i];
@@ -100,15 +119,15 @@ void add_products(const CandidatePairs& candidates, const ColourPlanes& guide, s
     const double raw_a = raw.a[c][i], raw_b = raw.b[c][i];
     const double handicap =
         FilterParameters::kRawAdvantage * 0.25 * ((raw_a - raw_b) * (raw_a - raw_b));
-    double first[kCandidates], second[kCandidates], spread[kCandidates];
-    for (std::size_t k = 0; k < kCandidates; ++k) {
+    double first[kCount], second[kCount], spread[kCount];
+    for (std::size_t k = 0; k < kCount; ++k) {
       const double a = candidates[k]->a[c][i], b = candidates[k]->b[c][i];
       first[k] = a - raw_b;
       second[k] = b - raw_a;
       spread[k] = a - b;
     }
     std::size_t to = 0;
-    for (std::size_t k = 0; k < kCandidates; ++k) {
+    for (std::size_t k = 0; k < kCount; ++k) {
       for (std::size_t l = 0; l <= k; ++l) {
         sums[to++] += (0.5 * (first[k] * first[l] + second[k] * second[l]) -
                        0.25 * (spread[k] * spread[l]) + (l > 0 ? handicap : 0)) *
@@ -118,9 +137,49 @@ void add_products(const CandidatePairs& candidates, const ColourPlanes& guide, s
   }
 }
 
-Shares best_shares(const RollingRows<Products>& cells, std::int32_t column, std::int32_t row) {
-  const Products pooled = pooled_products(cells, column, row);
-  return BestShares(pooled).shares();
+template void add_products<kCandidates>(const CandidatePairs<kCandidates>& candidates,
+                                        const ColourPlanes& guide, std::size_t i,
+                                        Products<kCandidates>& sums);
+template void add_products<kFusedCandidates>(const CandidatePairs<kFusedCandidates>& candidates,
+                                             const ColourPlanes& guide, std::size_t i,
+                                             Products<kFusedCandidates>& sums);
+
+Shares<kCandidates> best_shares(const RollingRows<Products<kCandidates>>& cells,
+                                std::int32_t column, std::int32_t row) {
+  const Products<kCandidates> pooled = pooled_products<kCandidates>(cells, column, row);
+  return BestShares(pooled).shares_or_raw();
+}
+
+Shares<kFusedCandidates> best_shares(const RollingRows<Products<kFusedCandidates>>& cells,
+                                     std::int32_t column, std::int32_t row) {
+  const Products<kFusedCandidates> pooled = pooled_products<kFusedCandidates>(cells, column, row);
+  const Products<kCandidates> alone_errors = block_of(pooled, 0),
+                              fused_errors = block_of(pooled, kCandidates);
+  const Shares<kCandidates> alone = BestShares(alone_errors).shares_or_raw(),
+                            fused = BestShares(fused_errors).shares();
+  double alone_square = 0, fused_square = 0, mixed = 0;
+  for (std::size_t k = 0; k < kCandidates; ++k) {
+    for (std::size_t l = 0; l < kCandidates; ++l) {
+      const auto factor = [&](const Shares<kCandidates>& a, const Shares<kCandidates>& b) {
+        return static_cast<double>(a[k]) * static_cast<double>(b[l]);
+      };
+      alone_square += factor(alone, alone) * product<kFusedCandidates>(pooled, k, l);
+      fused_square += factor(fused, fused) *
+                      product<kFusedCandidates>(pooled, kCandidates + k, kCandidates + l);
+      mixed += factor(alone, fused) * product<kFusedCandidates>(pooled, k, kCandidates + l);
+    }
+  }
+  const double gain = alone_square - mixed, loss = fused_square - mixed;
+  double share = !(gain > 0) ? 0 : loss > 0 ? gain / (gain + loss) : 1;
+  const double least = alone_square - share * (2 - share) * gain + share * share * loss,
+               raw_variance = pooled[0] / 3;
+  if (!(least < alone_square - FilterParameters::kLeastFusedGain * raw_variance)) share = 0;
+  Shares<kFusedCandidates> shares;
+  for (std::size_t k = 0; k < kCandidates; ++k) {
+    shares[k] = static_cast<float>((1 - share) * static_cast<double>(alone[k]));
+    shares[kCandidates + k] = static_cast<float>(share * static_cast<double>(fused[k]));
+  }
+  return shares;
 }
 
 }  // namespace tessera::image

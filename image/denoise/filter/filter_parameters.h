@@ -19,6 +19,16 @@ struct FilterParameters {
   static constexpr double kRawAdvantage = 0.05;
   /// Fraction of the raw image's variance by which a mixture must be better than the raw image.
   static constexpr double kLeastGain = 0.1;
+  /// Fraction of the raw image's variance by which the neighbours of a frame must lower the error.
+  static constexpr double kLeastFusedGain = 1e-3;
+  /// Tolerances of the guides' differences between two frames, as kFilterNoise and
+  /// kFilterTolerance.
+  static constexpr float kFusionNoise = 4, kFusionTolerance = 1e-3f;
+  /// Pixels of another frame with a smaller bilinear share are left out.
+  static constexpr float kMinTapShare = 0.05f;
+  /// Pixels by which the motion to another frame and back may miss, and fraction of the motion that
+  /// is added.
+  static constexpr float kMotionTolerance = 1.25f, kMotionSpread = 0.05f;
   static constexpr float kErrorFloor = 0.01f;  // as in the contract's error
 };
 

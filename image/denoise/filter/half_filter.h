@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -29,6 +30,12 @@ struct Half {
   std::array<Plane, kHalfFeatures> features;         // means of both streams
   Plane albedo_weight, normal_weight, depth_weight;  // 1 / squared tolerance
   Plane valid;                                       // 1 or 0
+
+  /// Index of the first pixel of a row inside the border.
+  std::size_t inside(std::int32_t row) const {
+    return static_cast<std::size_t>(row + kHalfMargin) * static_cast<std::size_t>(width) +
+           static_cast<std::size_t>(kHalfMargin);
+  }
 };
 
 /// Result of the first filter: the mean of both streams, and its variance summed over the channels.

@@ -1,4 +1,4 @@
-#include "image/denoise/frame_input.h"
+#include "image/denoise/frames/frame_input.h"
 
 #include <algorithm>
 #include <array>
