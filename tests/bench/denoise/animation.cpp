@@ -115,17 +115,6 @@ Denoised denoise(const std::vector<ExrPlane>& planes, const contract::PixelRect&
   return result;
 }
 
-/// Mean over pixels and channels of (x − ref)² / (ref² + 0.01), less the reference's variance.
-double relative_square(const Image& image, const Reference& reference) {
-  double sum = 0;
-  for (std::size_t i = 0; i < image.size(); ++i) {
-    const double difference = image[i] - reference.mean[i];
-    sum += (difference * difference - reference.variance[i]) /
-           (reference.mean[i] * reference.mean[i] + 0.01);
-  }
-  return sum / static_cast<double>(image.size());
-}
-
 /// The fraction of the change towards the neighbours' mean that is in the image: 2/3 for the plain
 /// mean of three frames, 0 without ghosts. The least-squares fit over all pixels and channels that
 /// change by less than half, so that the lamp itself does not outweigh what it lights. The
@@ -153,7 +142,7 @@ struct Totals {
   void add(const Denoised& denoised, const std::vector<Reference>& references, std::size_t frame,
            double m) {
     const Reference& reference = references[frame];
-    relmse.push_back(relative_square(denoised.image, reference));
+    relmse.push_back(testing::relative_square(denoised.image, reference.mean, reference.variance));
     ghosts.push_back(
         ghost(denoised.image, reference, references[frame - 1], references[frame + 1]));
     const double true_error = true_square(denoised.image, reference, m);

@@ -100,17 +100,6 @@ Denoised denoise(const Frame& frame, const contract::PixelRect& window, double m
   return result;
 }
 
-/// relMSE against the reference, less the reference's own variance.
-double relative_square(const Image& image, const Reference& reference) {
-  double sum = 0;
-  for (std::size_t i = 0; i < image.size(); ++i) {
-    const double difference = image[i] - reference.mean[i];
-    sum += (difference * difference - reference.variance[i]) /
-           (reference.mean[i] * reference.mean[i] + 0.01);
-  }
-  return sum / static_cast<double>(image.size());
-}
-
 /// Sums over the seeds of one sample count.
 struct Totals {
   double raw = 0, denoised = 0;       // relMSE
@@ -129,8 +118,8 @@ absl::Status add_seed(const SeededRenderer& renderer, const contract::TileGrid& 
   totals.seconds += cpu_seconds() - start;
   const image::DenoisedError error = image::denoised_error(denoised.sums);
   const double square = true_square(denoised.image, reference, m);
-  totals.raw += relative_square(frame->raw, reference);
-  totals.denoised += relative_square(denoised.image, reference);
+  totals.raw += testing::relative_square(frame->raw, reference.mean, reference.variance);
+  totals.denoised += testing::relative_square(denoised.image, reference.mean, reference.variance);
   totals.raw_square += true_square(frame->raw, reference, m);
   totals.square += square;
   totals.estimate += error.error * error.error;

@@ -65,18 +65,6 @@ absl::StatusOr<Reference> reference_of(SeededRenderer& guided, const contract::T
   return made;
 }
 
-/// Mean over pixels and channels of the squared error divided by ref^2 + 0.01, less the reference's
-/// own variance.
-double relative_square(const Image& image, const Reference& reference) {
-  double sum = 0;
-  for (std::size_t i = 0; i < image.size(); ++i) {
-    const double difference = image[i] - reference.mean[i];
-    sum += (difference * difference - reference.variance[i]) /
-           (reference.mean[i] * reference.mean[i] + 0.01);
-  }
-  return sum / static_cast<double>(image.size());
-}
-
 /// relMSE that a reference has by its own variance.
 double own_relative_square(const Reference& reference) {
   double sum = 0;
@@ -101,7 +89,7 @@ absl::Status add_run(SeededRenderer& renderer, const contract::TileGrid& grid, s
   const Image image = testing::render_fixed(renderer, grid, spp, 0).image;
   runs.build += built - start;
   runs.render += cpu_seconds() - built;
-  runs.errors.push_back(relative_square(image, reference));
+  runs.errors.push_back(testing::relative_square(image, reference.mean, reference.variance));
   return absl::OkStatus();
 }
 

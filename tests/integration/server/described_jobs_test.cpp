@@ -4,22 +4,47 @@
 namespace tessera::server {
 namespace {
 
-using DescribedJobsTest = TestFarm;
+class DescribedJobsTest : public TestFarm {
+ protected:
+  /// Creates a job and leases a unit of it to the worker.
+  v1::Job lease(const v1::CreateJobRequest& request) {
+    EXPECT_TRUE(upload(id_of(kScene), kScene).ok());
+    v1::CreateJobResponse created;
+    const grpc::Status status = create(request, created);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    worker_ = std::make_unique<TestWorker>(server_->channel(), "worker");
+    EXPECT_TRUE(worker_->open());
+    TestWorker::Unit unit;
+    EXPECT_TRUE(worker_->next(unit));
+    return created.job();
+  }
+  void TearDown() override {
+    worker_.reset();
+    TestFarm::TearDown();
+  }
+
+  std::unique_ptr<TestWorker> worker_;
+};
+
+/// A job with further files under these names.
+v1::CreateJobRequest request_with(int count, const std::string& name) {
+  v1::CreateJobRequest request = request_of("job");
+  for (int i = 0; i < count; ++i) {
+    v1::ManifestEntry& entry = *request.mutable_manifest()->add_assets();
+    entry.set_uri(name + std::to_string(i));
+    *entry.mutable_asset() = id_of(kScene);
+  }
+  return request;
+}
 
 TEST_F(DescribedJobsTest, FirstLeaseDescribesItsJob) {
-  ASSERT_TRUE(upload(id_of(kScene), kScene).ok());
   const v1::CreateJobRequest request = request_of("one");
-  v1::CreateJobResponse created;
-  ASSERT_TRUE(create(request, created).ok());
-  TestWorker worker(server_->channel(), "worker");
-  ASSERT_TRUE(worker.open());
-  TestWorker::Unit unit;
-  ASSERT_TRUE(worker.next(unit));
-  ASSERT_EQ(worker.described.size(), 1u);
-  EXPECT_EQ(worker.described[0].job_id(), created.job().id());
-  EXPECT_EQ(worker.described[0].settings().SerializeAsString(),
-            created.job().settings().SerializeAsString());
-  EXPECT_EQ(worker.described[0].manifest().SerializeAsString(),
+  const v1::Job job = lease(request);
+  ASSERT_EQ(worker_->described.size(), 1u);
+  EXPECT_EQ(worker_->described[0].job_id(), job.id());
+  EXPECT_EQ(worker_->described[0].settings().SerializeAsString(),
+            job.settings().SerializeAsString());
+  EXPECT_EQ(worker_->described[0].manifest().SerializeAsString(),
             request.manifest().SerializeAsString());
 }
 
@@ -33,39 +58,14 @@ TEST_F(DescribedJobsTest, LaterLeasesDescribeNothing) {
 }
 
 TEST_F(DescribedJobsTest, JobOfManyFilesIsNotDescribed) {
-  ASSERT_TRUE(upload(id_of(kScene), kScene).ok());
-  v1::CreateJobRequest request = request_of("many");
-  for (int i = 0; i < 64; ++i) {
-    v1::ManifestEntry& entry = *request.mutable_manifest()->add_assets();
-    entry.set_uri("file" + std::to_string(i));
-    *entry.mutable_asset() = id_of(kScene);
-  }
-  v1::CreateJobResponse created;
-  ASSERT_TRUE(create(request, created).ok());
-  TestWorker worker(server_->channel(), "worker");
-  ASSERT_TRUE(worker.open());
-  TestWorker::Unit unit;
-  ASSERT_TRUE(worker.next(unit));
-  EXPECT_TRUE(worker.described.empty());
-  EXPECT_TRUE(worker.describe(created.job().id()).ok());
+  const v1::Job job = lease(request_with(64, "file"));
+  EXPECT_TRUE(worker_->described.empty());
+  EXPECT_TRUE(worker_->describe(job.id()).ok());
 }
 
 TEST_F(DescribedJobsTest, JobOfLongNamesIsNotDescribed) {
-  ASSERT_TRUE(upload(id_of(kScene), kScene).ok());
-  v1::CreateJobRequest request = request_of("long");
-  for (int i = 0; i < 20; ++i) {
-    v1::ManifestEntry& entry = *request.mutable_manifest()->add_assets();
-    entry.set_uri(std::to_string(i) + std::string(1000, 'x'));
-    *entry.mutable_asset() = id_of(kScene);
-  }
-  v1::CreateJobResponse created;
-  const grpc::Status status = create(request, created);
-  ASSERT_TRUE(status.ok()) << status.error_message();
-  TestWorker worker(server_->channel(), "worker");
-  ASSERT_TRUE(worker.open());
-  TestWorker::Unit unit;
-  ASSERT_TRUE(worker.next(unit));
-  EXPECT_TRUE(worker.described.empty());
+  lease(request_with(20, std::string(1000, 'x')));
+  EXPECT_TRUE(worker_->described.empty());
 }
 
 }  // namespace

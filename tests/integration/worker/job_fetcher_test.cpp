@@ -11,6 +11,7 @@
 #include <string>
 #include <utility>
 
+#include "tests/integration/server/support/made_job.h"
 #include "tests/support/scratch_folder.h"
 
 namespace tessera::agent {
@@ -20,16 +21,8 @@ constexpr std::int32_t kWidthFromLease = 48;
 constexpr std::int32_t kWidthFromServer = 32;
 
 v1::RenderSettings settings_of(std::int32_t width) {
-  v1::RenderSettings settings;
+  v1::RenderSettings settings = server::request_of("job").settings();
   settings.set_width_px(width);
-  settings.set_height_px(40);
-  settings.set_tile_px(16);
-  settings.set_sample_count(16);
-  settings.set_max_depth(4);
-  settings.set_fps(24);
-  settings.set_filter_width_px(1);
-  settings.set_environment_strength(1);
-  settings.add_frames()->set_step(1);
   return settings;
 }
 

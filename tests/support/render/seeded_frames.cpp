@@ -47,6 +47,15 @@ void put_tile(const server::TileSum& sum, const contract::PixelRect& rect, std::
   }
 }
 
+double relative_square(const Image& image, const Image& mean, const Image& variance) {
+  double sum = 0;
+  for (std::size_t i = 0; i < image.size(); ++i) {
+    const double difference = image[i] - mean[i];
+    sum += (difference * difference - variance[i]) / (mean[i] * mean[i] + 0.01);
+  }
+  return sum / static_cast<double>(image.size());
+}
+
 double mean_luminance(const Image& image) {
   double sum = 0;
   for (std::size_t i = 0; i < image.size(); i += 3) {

@@ -48,6 +48,10 @@ void put_tile(const server::TileSum& sum, const contract::PixelRect& rect, std::
 
 double mean_luminance(const Image& image);
 
+/// Mean over pixels and channels of the squared error divided by mean² + 0.01, less the variance of
+/// the reference, whose mean and variance are given.
+double relative_square(const Image& image, const Image& mean, const Image& variance);
+
 /// A frame of a fixed sample count, and its own error estimate with mean `m` (0: none).
 struct FixedFrame {
   Image image;

@@ -48,6 +48,19 @@ class ExpiryTest : public OpenStreamsFarm {
            std::chrono::duration_cast<Clock::duration>(wall - std::chrono::system_clock::now());
   }
 
+  /// Waits until the job is done. The server may take its worker, which sends nothing meanwhile,
+  /// for lost before the image is written.
+  void expect_done(const std::string& owner, const std::string& job_id) const {
+    grpc::ClientContext context;
+    contract::prepare_call(context, "", std::chrono::minutes(2));
+    v1::WatchJobRequest request;
+    request.set_job_id(job_id);
+    const auto stub = jobs(owner);
+    const auto stream = stub->WatchJob(&context, request);
+    v1::Job::State state = v1::Job::STATE_UNSPECIFIED;
+    for (v1::WatchJobResponse response; stream->Read(&response);) state = response.job().state();
+    EXPECT_EQ(state, v1::Job::STATE_DONE);
+  }
   /// Has w2 render a frame of noise for `owner`. Returns the job's id.
   std::string render_noise(const std::string& owner) const {
     EXPECT_TRUE(upload_scene(owner).ok());
@@ -74,6 +87,7 @@ class ExpiryTest : public OpenStreamsFarm {
                 v1::Acknowledgement::ACK_STATUS_COMMITTED);
       renderer->grant(1);
     }
+    expect_done(owner, response.job().id());
     return response.job().id();
   }
 };

@@ -240,7 +240,7 @@ TEST(Guide, LobesAreOnlyWherePhotonsHaveADirection) {
   }
 }
 
-TEST(PhotonAim, MorePhotonsWithLessFluxStartWhereUsefulOnesDid) {
+TEST(PhotonAim, UsefulStartsGetMorePhotonsOfLessFlux) {
   std::vector<PhotonAim::Useful> useful;
   PhotonRandom random(7);
   for (int i = 0; i < 1000; ++i) {
