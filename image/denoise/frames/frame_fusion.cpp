@@ -36,8 +36,8 @@ std::vector<PixelRect> parts_of(const PixelRect& all) {
   return parts;
 }
 
-/// What the distance of two pixels depends on. Colours are in units of the mean luminance of the
-/// frame to be fused.
+/// A pixel of a guide, with its noise. Colours are in units of the mean luminance of the frame to
+/// be fused.
 struct GuidePixel {
   float r = 0, g = 0, b = 0, noise = 0, tolerance = 0;
 };

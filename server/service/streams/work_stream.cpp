@@ -8,6 +8,8 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -63,11 +65,10 @@ void write_revocations(const std::vector<UnitName>& units, std::deque<v1::WorkRe
 /// Writes leases after the descriptions of their jobs. Large jobs are not described, nor those that
 /// have ended, because the worker would keep their descriptions.
 void write_leases(const Outbox& outbox, std::deque<v1::WorkResponse>& out) {
+  const std::set<std::string_view> ended(outbox.ended_jobs.begin(), outbox.ended_jobs.end());
   std::size_t job_bytes = 0;  // of the last message
   for (const std::shared_ptr<const JobSpec>& spec : outbox.new_jobs) {
-    const bool is_over =
-        std::count(outbox.ended_jobs.begin(), outbox.ended_jobs.end(), spec->id) > 0;
-    if (is_over || spec->assets.size() > kMaxDescribedAssets) continue;
+    if (ended.count(spec->id) > 0 || spec->assets.size() > kMaxDescribedAssets) continue;
     v1::JobDescription job = describe(*spec);
     const std::size_t bytes = job.ByteSizeLong();
     if (bytes > kMaxDescriptionBytes) continue;

@@ -5,15 +5,12 @@
 #include <optional>
 #include <utility>
 
+#include "contract/index.h"
 #include "worker/math/transform.h"
 #include "worker/math/vector.h"
 
 namespace tessera::render {
 namespace {
-
-std::size_t place_of(std::int32_t value) {
-  return static_cast<std::size_t>(value);
-}
 
 /// 0 for distances beyond the largest image, which occur near the plane of the camera.
 float limited(double pixels) {
@@ -33,8 +30,8 @@ std::vector<std::pair<std::int32_t, std::int32_t>> instance_keys(const Scene& sc
 /// Where a point of an instance is in the recentred world.
 std::optional<Vec3d> point_on(const Scene& scene, std::int32_t index, const Hit& hit) {
   if (index == kNone) return std::nullopt;
-  const Instance& instance = scene.instances[place_of(index)];
-  const Mesh& mesh = scene.meshes[place_of(instance.mesh)];
+  const Instance& instance = scene.instances[contract::as_index(index)];
+  const Mesh& mesh = scene.meshes[contract::as_index(instance.mesh)];
   const Vec3d b{hit.b0, hit.b1, hit.b2};
   if (mesh.shape != nullptr) return transform_point(instance.object_to_world, b);
   if (hit.id.primitive >= mesh.primitives.size()) return std::nullopt;
