@@ -5,6 +5,7 @@
 #include <openssl/crypto.h>
 
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdlib>
 #include <memory>
 #include <string>
@@ -59,6 +60,19 @@ void describe_program(CLI::App& app, Invocation& invocation) {
       "  tessera submit scene.glb --frames 0-99 --wait\n"
       "  tessera watch last");
   add_all_commands(app, invocation);
+}
+
+int run_program(int argc, char** argv) {
+  std::signal(SIGPIPE, SIG_IGN);
+  Invocation invocation;
+  CLI::App app;
+  describe_program(app, invocation);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {  // CLI11 reports wrong usage, and --help, by throwing
+    return app.exit(error) == 0 ? kExitDone : kExitBadInput;
+  }
+  return invocation.run();
 }
 
 }  // namespace tessera::client
