@@ -8,6 +8,9 @@ others. The faults of a round depend on --seed and its number alone. --evidence 
 per round: the faults, when and into which processes they were injected, the state of the farm then, and
 the hashes of the frames.
 
+With --jobs several rounds run at the same time, in processes of their own; --pause keeps workers busy with
+little CPU time, so that the machine can.
+
 With --tenants a round has five tenants with certificates, who submit 30 jobs of mixed sizes meanwhile, and a
 worker that joins and leaves; in every round the server is killed and the disk is full.
 """
@@ -15,7 +18,9 @@ worker that joins and leaves; in every round the server is killed and the disk i
 import argparse
 import collections
 import random
+import subprocess
 import sys
+import tempfile
 import threading
 import time
 import traceback
@@ -132,6 +137,26 @@ class Round:
         return not self.wrong
 
 
+def run_parts(given):
+    """Divides the rounds among processes, prints their output as they end, and returns the exit status."""
+    rounds = given.rounds or 2 * given.jobs
+    parts = []
+    for part in range(given.jobs):
+        first, end = (rounds * k // given.jobs for k in (part, part + 1))
+        log = tempfile.TemporaryFile("w+")
+        command = [sys.executable, *sys.argv, "--jobs", "1", "--rounds", str(end - first),
+                   "--first", str(given.first + first)]
+        command += ["--evidence", f"{given.evidence}.{part}"] if given.evidence else []
+        parts.append((subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT), log))
+    failed = 0
+    for process, log in parts:
+        failed += process.wait() != 0
+        log.seek(0)
+        print(log.read(), end="", flush=True)
+    print(f"{given.jobs} processes, {failed} of which failed")
+    return failed != 0
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, help="default: each kind once, with --tenants twice")
@@ -141,7 +166,13 @@ def main():
     parser.add_argument("--kinds", help="these only, all in every round: comma-separated")
     parser.add_argument("--evidence", metavar="FILE", help="append a line of JSON per round")
     parser.add_argument("--keep", action="store_true", help="keep the folders of the rounds")
+    parser.add_argument("--pause", type=int, default=0, metavar="MS", help="workers sleep before each unit")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N",
+                        help="processes that share the rounds; the evidence of the Ith is FILE.I")
     given = parser.parse_args()
+    if given.jobs > 1:
+        sys.exit(run_parts(given))
+    farms.Farm.unit_pause_ms = given.pause
     game = (WithTenants if given.tenants else Alone)(given.seed)
     given.rounds = given.rounds or game.DECKS * game.deck
     expected = game.expected()

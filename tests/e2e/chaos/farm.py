@@ -95,6 +95,7 @@ class Farm:
     """One client with a few jobs, on a Unix socket."""
     TEMPLATES = JOBS
     FURTHER = "passes"  # template of further jobs, while a fault needs the round to last
+    unit_pause_ms = 0  # time that workers sleep before each unit
     LEAST_OPEN = 1  # number of unfinished jobs at which a further one is submitted
 
     def __init__(self, kinds):
@@ -198,13 +199,14 @@ class Farm:
         control = FaultsControl(self.work / f"{identity}.control")
         options = ["--unit-timeout", str(UNIT_TIMEOUT)] if slot == 0 else []
         options += ["--fault-deliver-twice"] if slot == 1 else []
+        options += ["--fault-pause", self.unit_pause_ms] if self.unit_pause_ms else []
         options += faults
         log, units = self.work / f"{identity}.log", self.work / f"{identity}.units"
         with open(log, "a") as file:
             process = subprocess.Popen(
                 [BIN / "tessera-worker-faults", *self.worker_options(slot, identity), "--id", identity,
                  "--name", identity, "--threads", "1", "--cache", self.work / f"cache{slot}",
-                 "--unit-log", units, *options],
+                 "--unit-log", units, *map(str, options)],
                 env=self.environment(control), stdin=subprocess.DEVNULL, stdout=file, stderr=file)
         worker = Worker(slot, identity, process, log, units)
         worker.control = control

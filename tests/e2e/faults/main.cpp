@@ -2,12 +2,14 @@
 
 #include <CLI/CLI.hpp>
 #include <charconv>
+#include <chrono>
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -58,6 +60,10 @@ class TestFaults : public FaultInjector {
     for (CLI::App* app : {&worker, &renderer}) {
       app->add_option("--fault-crash-on", crash_on_, "Unit on which the renderer crashes (SIGSEGV)")
           ->check(is_unit);
+      app->add_option(
+             "--fault-pause", pause_ms_,
+             "Milliseconds to sleep before each unit, so that little CPU time keeps a worker busy")
+          ->check(CLI::Range(0, 10'000));
     }
     worker
         .add_option("--fault-corrupt-every", corrupt_every_,
@@ -70,11 +76,18 @@ class TestFaults : public FaultInjector {
 
   agent::FaultHooks hooks() override {
     agent::FaultHooks hooks;
-    if (const auto unit = parse_unit(crash_on_)) {
-      hooks.before_unit = [unit](const contract::Unit& started) {
-        if (started == *unit) crash(started);
+    const auto crash_unit = parse_unit(crash_on_);
+    if (crash_unit || pause_ms_ > 0) {
+      hooks.before_unit = [crash_unit, pause = std::chrono::milliseconds(pause_ms_)](
+                              const contract::Unit& started) {
+        std::this_thread::sleep_for(pause);
+        if (started == crash_unit) crash(started);
       };
-      hooks.renderer_arguments = {"--fault-crash-on", crash_on_};
+    }
+    if (crash_unit) hooks.renderer_arguments = {"--fault-crash-on", crash_on_};
+    if (pause_ms_ > 0) {
+      hooks.renderer_arguments.insert(hooks.renderer_arguments.end(),
+                                      {"--fault-pause", absl::StrCat(pause_ms_)});
     }
     if (corrupt_every_ > 0) {
       hooks.block_rendered = [this](std::string& block) {
@@ -103,6 +116,7 @@ class TestFaults : public FaultInjector {
   }
 
   std::string crash_on_;
+  int pause_ms_ = 0;
   std::int64_t corrupt_every_ = 0, rendered_count_ = 0;
   bool forge_ = false, deliver_twice_ = false;
 };
