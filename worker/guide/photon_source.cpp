@@ -1,6 +1,5 @@
 #include "worker/guide/photon_source.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "worker/geometry/bounds.h"
@@ -17,9 +16,6 @@ namespace tessera::render {
 namespace {
 
 constexpr float kPi = warp::kPi;
-constexpr std::uint32_t kMaxGroups = 256;
-/// Part of the photons that are aimed. The others find what no photon found before.
-constexpr float kAimed = 0.5f;
 
 Ray ray_from(const Vec3f& origin, const Vec3f& direction) {
   Ray ray;
@@ -36,27 +32,6 @@ Vec3f disc_point(const Vec3f& centre, const Vec3f& axis, float radius, const Vec
 }
 
 }  // namespace
-
-PhotonAim::PhotonAim(std::span<const Useful> useful) {
-  std::vector<std::vector<DirectionPoint>> points;
-  for (const Useful& photon : useful) {
-    if (!(photon.weight > 0)) continue;
-    if (photon.group >= points.size()) points.resize(photon.group + 1);
-    points[photon.group].push_back({direction_code(photon.start), photon.weight});
-  }
-  trees_.resize(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    if (!points[i].empty()) trees_[i] = build_direction_tree(points[i]);
-  }
-}
-
-PhotonAim::Start PhotonAim::sample(std::uint32_t group, PhotonRandom* random) const {
-  const Vec2f u = random->next_2d();
-  if (group >= trees_.size() || trees_[group].empty()) return {u, 1};
-  const DirectionNode* tree = trees_[group].data();
-  const Vec2f point = random->next() < kAimed ? sample_direction_tree(tree, u) : u;
-  return {point, 1 / (1 - kAimed + kAimed * direction_tree_density(tree, point))};
-}
 
 PhotonSource::PhotonSource(const Scene& scene, const ShadingScene& shading,
                            const LightSampler& lights)
@@ -77,16 +52,8 @@ PhotonSource::PhotonSource(const Scene& scene, const ShadingScene& shading,
   choice_ = DiscreteDistribution(powers_);
 }
 
-void PhotonSource::add(Light light, double power) {
+void PhotonSource::add(const Light& light, double power) {
   if (!(power > 0) || !std::isfinite(power)) return;
-  // The triangles of a primitive are one group. The last group has all further lights.
-  if (!emitters_.empty()) {
-    const Light& last = emitters_.back();
-    const bool same = light.kind == Kind::triangle && last.kind == Kind::triangle &&
-                      light.triangle.instance == last.triangle.instance &&
-                      light.triangle.primitive == last.triangle.primitive;
-    light.group = same ? last.group : std::min(last.group + 1, kMaxGroups - 1);
-  }
   emitters_.push_back(light);
   powers_.push_back(power);
 }
@@ -146,46 +113,39 @@ void PhotonSource::add_punctual() {
   }
 }
 
-std::optional<PhotonSource::Emission> PhotonSource::emit(const PhotonAim& aim,
-                                                         PhotonRandom* random) const {
+std::optional<PhotonSource::Emission> PhotonSource::emit(PhotonRandom* random) const {
   const DiscreteDistribution::Choice chosen = choice_.sample(random->next_double());
   const Light& light = emitters_[static_cast<std::size_t>(chosen.index)];
-  const PhotonAim::Start start = aim.sample(light.group, random);
   std::optional<Emission> emission;
   switch (light.kind) {
     case Kind::triangle:
-      emission = emit_triangle(light, start.point, random);
+      emission = emit_triangle(light, random);
       break;
     case Kind::shape:
-      emission = emit_shape(light, start.point, random);
+      emission = emit_shape(light, random);
       break;
     case Kind::punctual:
-      emission = emit_punctual(scene_.lights[light.punctual], start.point);
+      emission = emit_punctual(scene_.lights[light.punctual], random);
       break;
     case Kind::environment:
-      emission = emit_environment(start.point, random);
+      emission = emit_environment(random);
       break;
   }
   if (!emission) return emission;
-  emission->flux *= static_cast<float>(double{start.flux} / (double{chosen.pdf} * choice_.total()));
-  emission->group = light.group;
-  emission->start = start.point;
+  emission->flux *= static_cast<float>(1 / (double{chosen.pdf} * choice_.total()));
   if (!(luminance(emission->flux) > 0)) emission.reset();
   return emission;
 }
 
-PhotonSource::Emission PhotonSource::emit_triangle(const Light& light, Vec2f start,
-                                                   PhotonRandom* random) const {
+PhotonSource::Emission PhotonSource::emit_triangle(const Light& light, PhotonRandom* random) const {
   const Vec2f at = warp::uniform_triangle(random->next_2d());
   Vec3f normal = surface_at(shading_, light.triangle, at.x, at.y, {0, 0, 1}).geometric_normal;
+  const bool back = random->next() < 0.5f;
   const MaterialView& material =
       shading_.materials[static_cast<std::size_t>(shading_.primitive(light.triangle).material)];
-  if (material.source->double_sided) {
-    const bool back = start.x < 0.5f;
-    start.x = 2 * start.x - (back ? 0.0f : 1.0f);
-    if (back) normal = -normal;
-  }
-  const Vec3f direction = Frame::from_normal(normal).to_world(warp::cosine_hemisphere(start));
+  if (back && material.source->double_sided) normal = -normal;
+  const Vec3f direction =
+      Frame::from_normal(normal).to_world(warp::cosine_hemisphere(random->next_2d()));
   const ShadingPoint point = surface_at(shading_, light.triangle, at.x, at.y, -direction);
   Emission emission;
   emission.ray = spawn_ray(position_of(point), light.triangle, direction);
@@ -197,12 +157,11 @@ PhotonSource::Emission PhotonSource::emit_triangle(const Light& light, Vec2f sta
 /// Follows a uniformly chosen line through the sphere around the shape from where it leaves the
 /// shape.
 std::optional<PhotonSource::Emission> PhotonSource::emit_shape(const Light& light,
-                                                               const Vec2f& start,
                                                                PhotonRandom* random) const {
   const Instance& instance = scene_.instances[light.triangle.instance];
   const ShapeLight shape(instance.object_to_world, instance.world_to_object,
                          *scene_.meshes[static_cast<std::size_t>(instance.mesh)].shape);
-  const Vec3f direction = normalize(warp::uniform_sphere(start));
+  const Vec3f direction = normalize(warp::uniform_sphere(random->next_2d()));
   const Vec3f from = disc_point(light.centre + direction * (2 * light.extent), direction,
                                 light.extent, random->next_2d());
   ShapeHit found;
@@ -219,21 +178,22 @@ std::optional<PhotonSource::Emission> PhotonSource::emit_shape(const Light& ligh
 }
 
 PhotonSource::Emission PhotonSource::emit_punctual(const PunctualLight& light,
-                                                   const Vec2f& start) const {
+                                                   PhotonRandom* random) const {
   Emission emission;
   emission.is_point = true;
   if (light.kind == PunctualLight::Kind::directional) {
-    emission.ray = from_outside(light.direction, start);
+    emission.ray = from_outside(light.direction, random);
     emission.flux = light.intensity * (kPi * radius_ * radius_);
     return emission;
   }
+  const Vec2f u = random->next_2d();
   if (light.kind == PunctualLight::Kind::point) {
-    emission.ray = ray_from(Vec3f(light.position), normalize(warp::uniform_sphere(start)));
+    emission.ray = ray_from(Vec3f(light.position), normalize(warp::uniform_sphere(u)));
     emission.flux = light.intensity * (4 * kPi);
     return emission;
   }
-  const float height = (1 - light.cos_outer) * start.x;  // 1 - cosine
-  const elementary::SinCosf around = elementary::sincos(2 * kPi * start.y);
+  const float height = (1 - light.cos_outer) * u.x;  // 1 - cosine
+  const elementary::SinCosf around = elementary::sincos(2 * kPi * u.y);
   const float sine = std::sqrt(height * (2 - height));
   const Frame frame = Frame::from_normal(light.direction);
   emission.ray =
@@ -245,28 +205,29 @@ PhotonSource::Emission PhotonSource::emit_punctual(const PunctualLight& light,
   return emission;
 }
 
-PhotonSource::Emission PhotonSource::emit_environment(const Vec2f& start,
-                                                      PhotonRandom* random) const {
+PhotonSource::Emission PhotonSource::emit_environment(PhotonRandom* random) const {
   const EnvironmentMap& environment = *lights_.environment();
   Emission emission;
   if (environment.is_constant()) {
-    const Vec3f towards = normalize(warp::uniform_sphere(start));
-    emission.ray = from_outside(-towards, random->next_2d());
+    const Vec3f towards = normalize(warp::uniform_sphere(random->next_2d()));
+    emission.ray = from_outside(-towards, random);
     emission.flux = environment.radiance(towards) * (4 * kPi * kPi * radius_ * radius_);
     emission.is_found = false;
     return emission;
   }
-  const EnvironmentMap::Sample sample = environment.sample(double{start.x}, double{start.y});
+  const double u = random->next_double();
+  const double v = random->next_double();
+  const EnvironmentMap::Sample sample = environment.sample(u, v);
   if (!(sample.pdf > 0) || !(sample.pdf < INFINITY)) return emission;
-  emission.ray = from_outside(-sample.direction, random->next_2d());
+  emission.ray = from_outside(-sample.direction, random);
   emission.flux = sample.radiance * (kPi * radius_ * radius_ / sample.pdf);
   return emission;
 }
 
 /// A ray from outside the scene through a point of the disc across the scene.
-Ray PhotonSource::from_outside(const Vec3f& direction, const Vec2f& u) const {
+Ray PhotonSource::from_outside(const Vec3f& direction, PhotonRandom* random) const {
   const Vec3f start = centre_ - direction * (2 * radius_);
-  return ray_from(disc_point(start, direction, radius_, u), direction);
+  return ray_from(disc_point(start, direction, radius_, random->next_2d()), direction);
 }
 
 }  // namespace tessera::render

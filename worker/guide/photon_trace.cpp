@@ -29,37 +29,20 @@ constexpr std::uint64_t kDomain = 0x70686f746f6e7301ULL;
 constexpr std::uint64_t kSeenDomain = 0x70686f746f6e7302ULL;
 constexpr std::size_t kSeenPlaces = 2;  // of each path from the camera
 
-/// A photon where it arrived, and from where it was emitted.
-struct Arrival {
-  Photon photon;
-  std::uint32_t group = 0;  // PhotonSource::Emission
-  Vec2f start;
-};
-
-/// Where photons come from, and where they are kept.
-struct Photons {
-  const PhotonSource& source;
-  const PhotonAim& aim;
-  const VisibleRegion& region;
-};
-
 class PhotonPath {
  public:
-  PhotonPath(const PhotonScene& scene, std::uint64_t key, std::vector<Arrival>* stored)
+  PhotonPath(const PhotonScene& scene, std::uint64_t key, std::vector<Photon>* stored)
       : scene_(scene), random_(key), stored_(stored) {}
 
   /// Follows a photon and stores it where it arrives in `region`.
-  void trace(const Photons& photons) {
-    region_ = &photons.region;
-    const std::optional<PhotonSource::Emission> emission =
-        photons.source.emit(photons.aim, &random_);
+  void trace(const PhotonSource& source, const VisibleRegion& region) {
+    region_ = &region;
+    const std::optional<PhotonSource::Emission> emission = source.emit(&random_);
     if (!emission) return;
     ray_ = emission->ray;
     flux_ = emission->flux;
     is_found_ = emission->is_found;
     is_point_ = emission->is_point;
-    group_ = emission->group;
-    start_ = emission->start;
     if (scene_.moves) ray_.time = random_.next();
     walk();
   }
@@ -95,10 +78,8 @@ class PhotonPath {
     }
     if (region_ != nullptr && has_smooth_density(bsdf) &&
         region_->contains({position.position, bsdf.frame.geometric_normal})) {
-      stored_->push_back({{position.position, -ray_.direction, bsdf.frame.geometric_normal,
-                           luminance(flux_), is_found_ ? 0.0f : 1.0f},
-                          group_,
-                          start_});
+      stored_->push_back({position.position, -ray_.direction, bsdf.frame.geometric_normal,
+                          luminance(flux_), is_found_ ? 0.0f : 1.0f});
     }
     return scatter(bsdf, hit.id, position);
   }
@@ -162,25 +143,23 @@ class PhotonPath {
 
   const PhotonScene& scene_;
   PhotonRandom random_;
-  std::vector<Arrival>* stored_;
+  std::vector<Photon>* stored_;
   const VisibleRegion* region_ = nullptr;  // of a photon; null for a path from the camera
   std::vector<SurfacePlace> seen_;         // by a path from the camera
   MovedSurface memory_;
   Ray ray_;
   Vec3f flux_;
-  std::uint32_t group_ = 0;
-  Vec2f start_;
   bool is_found_ = true;   // by light sampling, where it arrives next
   bool is_point_ = false;  // comes straight from a light that no ray can hit
   std::int32_t depth_ = 0;
   int passed_ = 0;
 };
 
-std::vector<Arrival> trace_from(const PhotonScene& scene, const Photons& photons,
-                                std::int64_t first, std::int64_t count,
-                                const ParallelFor& parallel_for) {
+std::vector<Photon> trace_from(const PhotonScene& scene, const PhotonSource& source,
+                               const VisibleRegion& region, std::int64_t first, std::int64_t count,
+                               const ParallelFor& parallel_for) {
   const std::int64_t chunks = (count + kPhotonsPerChunk - 1) / kPhotonsPerChunk;
-  std::vector<std::vector<Arrival>> stored(static_cast<std::size_t>(chunks));
+  std::vector<std::vector<Photon>> stored(static_cast<std::size_t>(chunks));
   const std::uint64_t frame =
       combine(kDomain, pack(scene.seed, static_cast<std::uint32_t>(scene.frame)));
   parallel_for(chunks, [&](std::int64_t chunk) {
@@ -189,11 +168,11 @@ std::vector<Arrival> trace_from(const PhotonScene& scene, const Photons& photons
     for (std::int64_t i = begin; i < end; ++i) {
       PhotonPath path(scene, combine(frame, static_cast<std::uint64_t>(first + i)),
                       &stored[static_cast<std::size_t>(chunk)]);
-      path.trace(photons);
+      path.trace(source, region);
     }
   });
-  std::vector<Arrival> all;
-  for (const std::vector<Arrival>& part : stored) all.insert(all.end(), part.begin(), part.end());
+  std::vector<Photon> all;
+  for (const std::vector<Photon>& part : stored) all.insert(all.end(), part.begin(), part.end());
   return all;
 }
 
@@ -206,32 +185,16 @@ class PhotonStore {
         found_(VisibleRegion::kCells),
         guided_(VisibleRegion::kCells) {}
 
-  void add(const std::vector<Arrival>& arrivals) {
-    for (const Arrival& arrival : arrivals) {
-      const Photon& photon = arrival.photon;
+  void add(const std::vector<Photon>& photons) {
+    for (const Photon& photon : photons) {
       const bool is_found = photon.share == 0;
       if (!region_.is_all()) {
         const std::size_t cell = region_.cell({photon.position, photon.normal});
         (is_found ? found_ : guided_)[cell] += double{photon.flux};
         if (!is_found && counts_[cell]++ >= kMaxInCell) continue;
-        if (!is_found) useful_.push_back({arrival.group, arrival.start, photon.flux});
       }
       if (!is_found) photons_.push_back(photon);
     }
-  }
-
-  /// Aims at where the photons came from, each by its part of the light that arrives where it
-  /// arrived. Cells that are full need no more.
-  PhotonAim aim() const {
-    std::vector<PhotonAim::Useful> useful = useful_;
-    for (std::size_t i = 0; i < useful.size(); ++i) {
-      const std::size_t cell = region_.cell({photons_[i].position, photons_[i].normal});
-      useful[i].weight =
-          counts_[cell] >= kMaxInCell
-              ? 0
-              : static_cast<float>(double{useful[i].weight} / (guided_[cell] + found_[cell]));
-    }
-    return PhotonAim(useful);
   }
 
   /// Share of the cells that are seen to which at least `least` photons came.
@@ -263,7 +226,6 @@ class PhotonStore {
   std::vector<std::uint32_t> counts_;   // of photons that may guide, by cell of the region
   std::vector<double> found_, guided_;  // flux that light sampling finds, and other flux, by cell
   std::vector<Photon> photons_;
-  std::vector<PhotonAim::Useful> useful_;  // of photons_, with its flux as the weight
 };
 
 /// Relative variance of a sample of a pixel that the guide removes, an estimate.
@@ -277,16 +239,11 @@ double saving(const Guide& guide, std::span<const SurfacePlace> places, std::siz
 }  // namespace
 
 std::vector<Photon> trace_photons(const PhotonScene& scene, const VisibleRegion& region,
-                                  const PhotonAim& aim, std::int64_t first, std::int64_t count,
+                                  std::int64_t first, std::int64_t count,
                                   const ParallelFor& parallel_for) {
   const PhotonSource source(scene.scene, scene.shading, scene.lights);
   if (source.empty()) return {};
-  std::vector<Photon> photons;
-  for (const Arrival& arrival :
-       trace_from(scene, {source, aim, region}, first, count, parallel_for)) {
-    photons.push_back(arrival.photon);
-  }
-  return photons;
+  return trace_from(scene, source, region, first, count, parallel_for);
 }
 
 std::vector<SurfacePlace> seen_places(const PhotonScene& scene) {
@@ -307,13 +264,11 @@ std::unique_ptr<const Guide> build_guide(const PhotonScene& scene,
   const std::vector<SurfacePlace> places = seen_places(scene);
   const VisibleRegion region(places);
   PhotonStore store(region);
-  PhotonAim aim;
   std::unique_ptr<const Guide> guide;
   double saved = 0;
   for (int rounds = 0; rounds < kMaxRounds && !store.is_enough();) {
-    store.add(trace_from(scene, {source, aim, region}, rounds * kPhotonsPerRound, kPhotonsPerRound,
+    store.add(trace_from(scene, source, region, rounds * kPhotonsPerRound, kPhotonsPerRound,
                          parallel_for));
-    aim = store.aim();
     ++rounds;
     if ((rounds & (rounds - 1)) != 0 && !store.is_enough()) continue;
     guide = Guide::from_photons(store.photons(), parallel_for);

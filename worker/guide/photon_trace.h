@@ -8,7 +8,6 @@
 #include "worker/accel/scene_accel.h"
 #include "worker/guide/guide.h"
 #include "worker/guide/photon.h"
-#include "worker/guide/photon_source.h"
 #include "worker/guide/visible_region.h"
 #include "worker/light/light_sampler.h"
 #include "worker/shading/surface/shading_scene.h"
@@ -31,13 +30,13 @@ struct PhotonScene {
 };
 
 /// Emits photons number `first` to `first + count - 1`, and returns where they arrive in `region`,
-/// in the order of their numbers, with a share of 0 or 1. Photon i is a function of the scene, the
-/// aim and i alone.
+/// in the order of their numbers, with a share of 0 or 1. Photon i is a function of the scene and i
+/// alone.
 ///
 /// Media do not affect photons, and BSDFs are sampled as if photons were paths from the camera: the
 /// guide only has to be similar to the light.
 std::vector<Photon> trace_photons(const PhotonScene& scene, const VisibleRegion& region,
-                                  const PhotonAim& aim, std::int64_t first, std::int64_t count,
+                                  std::int64_t first, std::int64_t count,
                                   const ParallelFor& parallel_for);
 
 /// Where the first scattering events of paths along the camera rays are, at most two of a path.

@@ -175,9 +175,9 @@ TEST(Guiding, PhotonsDependOnTheirNumberAlone) {
   const render::SceneAccel accel(scene, render::sequential());
   const render::LightSampler lights(scene, shading);
   const render::PhotonScene photons{scene, shading, accel, lights};
-  const auto all = trace_photons(photons, {}, {}, 0, 65536, render::parallel_threads(4));
-  auto parts = trace_photons(photons, {}, {}, 0, 30001, render::sequential());
-  const auto rest = trace_photons(photons, {}, {}, 30001, 35535, render::sequential());
+  const auto all = trace_photons(photons, {}, 0, 65536, render::parallel_threads(4));
+  auto parts = trace_photons(photons, {}, 0, 30001, render::sequential());
+  const auto rest = trace_photons(photons, {}, 30001, 35535, render::sequential());
   parts.insert(parts.end(), rest.begin(), rest.end());
   ASSERT_GT(all.size(), 1000u);
   ASSERT_EQ(all.size(), parts.size());
@@ -186,56 +186,6 @@ TEST(Guiding, PhotonsDependOnTheirNumberAlone) {
     EXPECT_EQ(all[i].direction, parts[i].direction);
     EXPECT_EQ(all[i].flux, parts[i].flux);
   }
-}
-
-/// Flux of the light that arrives where x > 0, in `kBatches` batches of photons.
-std::vector<double> flux_of_batches(const render::PhotonScene& scene, const render::PhotonAim& aim,
-                                    std::size_t* photons) {
-  constexpr std::int64_t kBatches = 32, kPhotonsPerBatch = 4096;
-  std::vector<double> fluxes;
-  for (std::int64_t i = 0; i < kBatches; ++i) {
-    double flux = 0;
-    for (const render::Photon& photon : trace_photons(scene, {}, aim, i * kPhotonsPerBatch,
-                                                      kPhotonsPerBatch, render::sequential())) {
-      if (!(photon.position.x > 0)) continue;
-      flux += double{photon.flux};
-      ++*photons;
-    }
-    fluxes.push_back(flux);
-  }
-  return fluxes;
-}
-
-struct MeanAndError {
-  double mean = 0, error = 0;
-};
-MeanAndError mean_and_error(const std::vector<double>& values) {
-  const auto count = static_cast<double>(values.size());
-  double mean = 0, squares = 0;
-  for (const double value : values) mean += value / count;
-  for (const double value : values) squares += (value - mean) * (value - mean);
-  return {mean, std::sqrt(squares / (count * (count - 1)))};
-}
-
-// A lamp, a point light and a sky, half of whose photons start in one direction.
-TEST(Guiding, AimedPhotonsBringTheSameLight) {
-  const Scene scene = mixed();
-  const render::ShadingScene shading(scene);
-  const render::SceneAccel accel(scene, render::sequential());
-  const render::LightSampler lights(scene, shading);
-  const render::PhotonScene photons{scene, shading, accel, lights};
-  std::vector<render::PhotonAim::Useful> useful;
-  render::PhotonRandom random(3);
-  for (std::uint32_t i = 0; i < 300; ++i) {
-    useful.push_back({i % 3, render::Vec2f{0.8f, 0.3f} + random.next_2d() * 0.1f, 1});
-  }
-  std::size_t plain_count = 0, aimed_count = 0;
-  const auto plain = mean_and_error(flux_of_batches(photons, {}, &plain_count));
-  const auto aimed =
-      mean_and_error(flux_of_batches(photons, render::PhotonAim(useful), &aimed_count));
-  EXPECT_GT(plain_count, 5'000u);
-  EXPECT_GT(aimed_count, 5'000u);
-  EXPECT_NEAR(aimed.mean, plain.mean, 5 * std::hypot(plain.error, aimed.error));
 }
 
 }  // namespace

@@ -240,30 +240,6 @@ TEST(Guide, LobesAreOnlyWherePhotonsHaveADirection) {
   }
 }
 
-TEST(PhotonAim, UsefulStartsGetMorePhotonsOfLessFlux) {
-  std::vector<PhotonAim::Useful> useful;
-  PhotonRandom random(7);
-  for (int i = 0; i < 1000; ++i) {
-    useful.push_back({1, Vec2f{0.3f, 0.7f} + random.next_2d() * 0.02f, 1});
-  }
-  const PhotonAim aim(useful);
-  constexpr int kPhotons = 100'000;
-  double left = 0, inside = 0;
-  for (int i = 0; i < kPhotons; ++i) {
-    const PhotonAim::Start start = aim.sample(1, &random);
-    ASSERT_GT(start.flux, 0);
-    ASSERT_LE(start.flux, 2);
-    left += start.point.x < 0.25f ? double{start.flux} : 0;
-    const Vec2f d = start.point - Vec2f{0.3f, 0.7f};
-    inside += d.x >= 0 && d.y >= 0 && d.x < 0.02f && d.y < 0.02f ? 1 : 0;
-  }
-  // A quarter of the light starts in the left quarter, where no photon is aimed. Fluxes are at most
-  // 2, so that the mean square of the term is at most 2 / 4: five standard errors.
-  EXPECT_NEAR(left / kPhotons, 0.25, 5 * std::sqrt(0.5 / kPhotons));
-  EXPECT_GT(inside / kPhotons, 0.25) << "half are aimed, and leaves are at most twice as wide";
-  for (int i = 0; i < 100; ++i) EXPECT_EQ(aim.sample(0, &random).flux, 1) << "not aimed";
-}
-
 TEST(Guide, IsTheSameForAnyNumberOfThreads) {
   const auto photons = floor_photons(20'000, from_lamp);
   const auto one = Guide::from_photons(photons, sequential());
