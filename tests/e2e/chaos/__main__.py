@@ -8,8 +8,8 @@ others. The faults of a round depend on --seed and its number alone. --evidence 
 per round: the faults, when and into which processes they were injected, the state of the farm then, and
 the hashes of the frames.
 
-With --jobs several rounds run at the same time, in processes of their own; --pause keeps workers busy with
-little CPU time, so that the machine can.
+With --jobs several rounds run at the same time, each share in a process of its own. --pause makes workers
+sleep before each unit, so that they need less CPU time and more rounds fit on the machine.
 
 With --tenants a round has five tenants with certificates, who submit 30 jobs of mixed sizes meanwhile, and a
 worker that joins and leaves; in every round the server is killed and the disk is full.
@@ -159,7 +159,7 @@ def run_parts(given):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, help="default: each kind once, with --tenants twice")
+    parser.add_argument("--rounds", type=int, help="default: each kind once, with --tenants twice; with --jobs N, 2 N")
     parser.add_argument("--tenants", action="store_true", help="rounds with five tenants and 30 jobs")
     parser.add_argument("--seed", default="1")
     parser.add_argument("--first", type=int, default=0, help="number of the first round")
@@ -168,7 +168,7 @@ def main():
     parser.add_argument("--keep", action="store_true", help="keep the folders of the rounds")
     parser.add_argument("--pause", type=int, default=0, metavar="MS", help="workers sleep before each unit")
     parser.add_argument("--jobs", type=int, default=1, metavar="N",
-                        help="processes that share the rounds; the evidence of the Ith is FILE.I")
+                        help="processes that share the rounds; with N > 1 evidence goes to FILE.0, FILE.1, …")
     given = parser.parse_args()
     if given.jobs > 1:
         sys.exit(run_parts(given))
