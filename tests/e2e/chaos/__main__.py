@@ -139,10 +139,10 @@ class Round:
 
 def run_parts(given):
     """Divides the rounds among processes, prints their output as they end, and returns the exit status."""
-    rounds = given.rounds or 2 * given.jobs
+    jobs = min(given.jobs, given.rounds)
     parts = []
-    for part in range(given.jobs):
-        first, end = (rounds * k // given.jobs for k in (part, part + 1))
+    for part in range(jobs):
+        first, end = (given.rounds * k // jobs for k in (part, part + 1))
         log = tempfile.TemporaryFile("w+")
         command = [sys.executable, *sys.argv, "--jobs", "1", "--rounds", str(end - first),
                    "--first", str(given.first + first)]
@@ -153,13 +153,13 @@ def run_parts(given):
         failed += process.wait() != 0
         log.seek(0)
         print(log.read(), end="", flush=True)
-    print(f"{given.jobs} processes, {failed} of which failed")
+    print(f"{jobs} processes, {failed} of which failed")
     return failed != 0
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, help="default: each kind once, with --tenants twice; with --jobs N, 2 N")
+    parser.add_argument("--rounds", type=int, help="default: each kind once, with --tenants twice")
     parser.add_argument("--tenants", action="store_true", help="rounds with five tenants and 30 jobs")
     parser.add_argument("--seed", default="1")
     parser.add_argument("--first", type=int, default=0, help="number of the first round")
@@ -170,11 +170,11 @@ def main():
     parser.add_argument("--jobs", type=int, default=1, metavar="N",
                         help="processes that share the rounds; with N > 1 evidence goes to FILE.0, FILE.1, …")
     given = parser.parse_args()
+    game = (WithTenants if given.tenants else Alone)(given.seed)
+    given.rounds = given.rounds or game.DECKS * game.deck
     if given.jobs > 1:
         sys.exit(run_parts(given))
     farms.Farm.unit_pause_ms = given.pause
-    game = (WithTenants if given.tenants else Alone)(given.seed)
-    given.rounds = given.rounds or game.DECKS * game.deck
     expected = game.expected()
     print(f"undisturbed: {', '.join(f'{name} {units} units' for name, (_, units) in expected.items())}")
     counted, tries, effects = 0, 0, collections.Counter()

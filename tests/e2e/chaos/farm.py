@@ -95,8 +95,8 @@ class Farm:
     """One client with a few jobs, on a Unix socket."""
     TEMPLATES = JOBS
     FURTHER = "passes"  # template of further jobs, while a fault needs the round to last
-    unit_pause_ms = 0  # time that workers sleep before each unit
     LEAST_OPEN = 1  # number of unfinished jobs at which a further one is submitted
+    unit_pause_ms = 0  # time that workers sleep before each unit
 
     def __init__(self, kinds):
         self.audit = "1" if "faulty_worker" in kinds else "0.01"  # finds a faulty worker before its pixels are used
@@ -199,14 +199,14 @@ class Farm:
         control = FaultsControl(self.work / f"{identity}.control")
         options = ["--unit-timeout", str(UNIT_TIMEOUT)] if slot == 0 else []
         options += ["--fault-deliver-twice"] if slot == 1 else []
-        options += ["--fault-pause", self.unit_pause_ms] if self.unit_pause_ms else []
+        options += ["--fault-pause", str(self.unit_pause_ms)] if self.unit_pause_ms else []
         options += faults
         log, units = self.work / f"{identity}.log", self.work / f"{identity}.units"
         with open(log, "a") as file:
             process = subprocess.Popen(
                 [BIN / "tessera-worker-faults", *self.worker_options(slot, identity), "--id", identity,
                  "--name", identity, "--threads", "1", "--cache", self.work / f"cache{slot}",
-                 "--unit-log", units, *map(str, options)],
+                 "--unit-log", units, *options],
                 env=self.environment(control), stdin=subprocess.DEVNULL, stdout=file, stderr=file)
         worker = Worker(slot, identity, process, log, units)
         worker.control = control
