@@ -10,6 +10,7 @@
 #include <memory>
 #include <string>
 
+#include "cli/command_line.h"
 #include "cli/config_file.h"
 #include "cli/help_text.h"
 #include "cli/version_text.h"
@@ -67,11 +68,7 @@ int run_program(int argc, char** argv) {
   Invocation invocation;
   CLI::App app;
   describe_program(app, invocation);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {  // CLI11 reports wrong usage, and --help, by throwing
-    return app.exit(error) == 0 ? kExitDone : kExitBadInput;
-  }
+  if (const auto ended = cli::parse(app, argc, argv)) return *ended;
   return invocation.run();
 }
 

@@ -12,6 +12,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "cli/command_line.h"
 #include "cli/help_text.h"
 #include "cli/version_text.h"
 #include "client/api/event_document.h"
@@ -171,11 +172,7 @@ int run_webhook(int argc, char** argv) {
   CLI::App app("Posts the events of a Tessera farm to an HTTP address.", "tessera-webhook");
   app.formatter(cli::help_formatter());
   add_options(app, options);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kExitDone : kExitBadInput;
-  }
+  if (const auto ended = cli::parse(app, argc, argv)) return *ended;
   return run(options);
 }
 

@@ -20,6 +20,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "cli/command.h"
+#include "cli/command_line.h"
 #include "cli/exit_codes.h"
 #include "cli/help_text.h"
 #include "cli/version_text.h"
@@ -308,11 +309,7 @@ std::variant<Config, int> parse_command_line(int argc, char** argv, FaultInjecto
   CLI::App* debug = cli::add_command(app, "debug-pixel", "Print the path of one sample of a pixel");
   add_debug_pixel_options(*debug, debug_config, debug_flags);
   app.footer("Example: tessera-worker --server unix:/run/tessera/server.sock --threads 8");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {  // CLI11 reports wrong usage, and --help, by throwing
-    return app.exit(error) == 0 ? 0 : cli::kExitBadInput;
-  }
+  if (const auto ended = cli::parse(app, argc, argv)) return *ended;
   if (renderer->parsed()) {
     renderer_options.before_unit = faults.hooks().before_unit;
     return Config(renderer_options);
