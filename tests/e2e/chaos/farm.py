@@ -96,6 +96,7 @@ class Farm:
     TEMPLATES = JOBS
     FURTHER = "passes"  # template of further jobs, while a fault needs the round to last
     LEAST_OPEN = 1  # number of unfinished jobs at which a further one is submitted
+    LOOK_EVERY = 0.2  # seconds between looks at the states of the jobs
     unit_pause_ms = 0  # time that workers sleep before each unit
 
     def __init__(self, kinds):
@@ -374,7 +375,7 @@ class Farm:
                 for name, (state, reason) in states.items():
                     if state == "paused" and "store full" in reason and self.may_resume():
                         self.call("resume", name, check=False, job=name)
-            time.sleep(0.2)
+            time.sleep(self.LOOK_EVERY)
         raise Wrong(f"not done after {seconds} s: {self.states()}")
 
     # Checks after the round -----------------------------------------------------------------------

@@ -17,7 +17,7 @@ TEMPLATES = {
     "frames": ("same_bits.gltf", ["--size", "24x24", "--tile-size", "16", "--spp", "8", "--frames", "0-3"]),
     "error": ("lit_square.gltf", ["--size", "32x32", "--tile-size", "8", "--error", "0.2"]),
     "medium": ("same_bits.gltf", ["--size", "32x32", "--tile-size", "8", "--spp", "64", "--seed", "3"]),
-    "large": ("same_bits.gltf", ["--size", "48x48", "--tile-size", "8", "--spp", "100"]),
+    "large": ("same_bits.gltf", ["--size", "48x48", "--tile-size", "8", "--spp", "40"]),
 }
 # Of further jobs, which keep the farm busy while a fault needs the round to last.
 LONG = {"long": ("same_bits.gltf", ["--size", "64x64", "--tile-size", "8", "--spp", "150"])}
@@ -41,6 +41,7 @@ class TenantFarm(Farm):
     TEMPLATES = {**TEMPLATES, **LONG}
     FURTHER = "long"
     LEAST_OPEN = 2
+    LOOK_EVERY = 0.5
 
     def __init__(self, kinds, seed):
         self.address = ("127.0.0.1", free_port())
