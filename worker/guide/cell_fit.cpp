@@ -11,8 +11,8 @@
 namespace tessera::render {
 namespace {
 
-/// Cells with fewer photons are not guided.
-constexpr std::size_t kMinPhotons = 32;
+/// Cells with fewer photons are not guided, nor those with fewer than a quarter of it in one half.
+constexpr std::ptrdiff_t kMinPhotons = 32;
 /// Part of the box's longest side by which it is larger than the photons' own.
 constexpr float kMargin = 1.0f / 16;
 /// Radii that are tried, as multiples of half the box's diagonal.
@@ -54,14 +54,8 @@ class Projection {
     }
   }
 
-  /// A tree of every `step`-th photon.
-  std::vector<DirectionNode> tree(std::size_t first, std::size_t step) const {
-    std::vector<DirectionPoint> points;
-    points.reserve(seen_.size() / step + 1);
-    for (std::size_t i = first; i < seen_.size(); i += step) {
-      points.push_back({direction_code(seen_[i].point), photons_[i].flux});
-    }
-    return build_direction_tree(points);
+  std::vector<DirectionNode> tree() const {
+    return tree_of([](const Photon&) { return true; });
   }
 
   struct Prediction {
@@ -72,10 +66,12 @@ class Projection {
   Prediction predict() const {
     Prediction sum;
     double weight = 0;
-    for (const std::size_t half : {std::size_t{0}, std::size_t{1}}) {
-      const std::vector<DirectionNode> other = tree(1 - half, 2);
-      for (std::size_t i = half; i < seen_.size(); i += 2) {
+    for (const bool second : {false, true}) {
+      const std::vector<DirectionNode> other =
+          tree_of([second](const Photon& photon) { return photon.in_second_half() != second; });
+      for (std::size_t i = 0; i < seen_.size(); ++i) {
         const Photon& photon = photons_[i];
+        if (photon.in_second_half() != second) continue;
         const float density = seen_[i].scale * direction_tree_density(other.data(), seen_[i].point);
         const float cosine = std::max(dot(photon.direction, photon.normal), kMinCosine);
         const double flux{photon.flux};
@@ -88,6 +84,17 @@ class Projection {
   }
 
  private:
+  template <typename Included>
+  std::vector<DirectionNode> tree_of(Included included) const {
+    std::vector<DirectionPoint> points;
+    points.reserve(seen_.size());
+    for (std::size_t i = 0; i < seen_.size(); ++i) {
+      if (included(photons_[i]))
+        points.push_back({direction_code(seen_[i].point), photons_[i].flux});
+    }
+    return build_direction_tree(points);
+  }
+
   std::span<const Photon> photons_;
   std::vector<Seen> seen_;
 };
@@ -118,7 +125,10 @@ float saving_of(float gain, float share, float probability) {
 
 CellFit fit_cell(std::span<const Photon> photons) {
   CellFit fit;
-  if (photons.size() < kMinPhotons) return fit;
+  const auto second = std::count_if(photons.begin(), photons.end(),
+                                    [](const Photon& photon) { return photon.in_second_half(); });
+  const auto first = std::ssize(photons) - second;
+  if (first + second < kMinPhotons || std::min(first, second) < kMinPhotons / 4) return fit;
   fit.box = padded_box(photons);
   fit.centre = (fit.box.lo + fit.box.hi) * 0.5f;
   const float reach = length(fit.box.hi - fit.centre);
@@ -135,7 +145,7 @@ CellFit fit_cell(std::span<const Photon> photons) {
   const float share = mean_share(photons);
   fit.probability = probability_of(fit.gain, share);
   fit.saving = saving_of(fit.gain, share, fit.probability);
-  if (fit.probability > 0) fit.tree = Projection(photons, fit.centre, fit.radius).tree(0, 1);
+  if (fit.probability > 0) fit.tree = Projection(photons, fit.centre, fit.radius).tree();
   return fit;
 }
 

@@ -13,7 +13,7 @@ namespace tessera::render {
 namespace {
 
 /// Cells with more photons are divided. Measured: docs/notes/guiding.md.
-constexpr std::size_t kMaxPhotons = 512;
+constexpr std::size_t kMaxPhotons = 1024;
 constexpr std::uint32_t kLeaf = 3, kUnguided = 4;  // axes of nodes that are not divided
 
 int longest_axis(std::span<const Photon> photons) {
@@ -22,15 +22,42 @@ int longest_axis(std::span<const Photon> photons) {
   return largest_axis(box.hi - box.lo);
 }
 
-/// A total order, so that the halves of a range are the same sets everywhere.
-bool precedes_along(const Photon& a, const Photon& b, int axis) {
-  for (int k = 0; k < 3; ++k, axis = (axis + 1) % 3) {
-    if (a.position[axis] != b.position[axis]) return a.position[axis] < b.position[axis];
+/// A total order, so that the photons of a cell have the same order everywhere.
+bool is_before(const Photon& a, const Photon& b) {
+  for (int k = 0; k < 3; ++k) {
+    if (a.position[k] != b.position[k]) return a.position[k] < b.position[k];
   }
   for (int k = 0; k < 3; ++k) {
     if (a.direction[k] != b.direction[k]) return a.direction[k] < b.direction[k];
   }
-  return a.flux < b.flux;
+  return a.flux != b.flux ? a.flux < b.flux : a.path < b.path;
+}
+
+struct Division {
+  float plane;
+  std::size_t below;  // number of photons
+};
+
+/// Moves the photons below a plane across the axis to the front. About half are below it; all if
+/// they have the same coordinate along the axis.
+Division divide_across(int axis, std::span<Photon> photons) {
+  const auto middle = photons.begin() + static_cast<std::ptrdiff_t>(photons.size() / 2);
+  const auto along = [axis](const Photon& a, const Photon& b) {
+    return a.position[axis] < b.position[axis];
+  };
+  std::nth_element(photons.begin(), middle, photons.end(), along);
+  float plane = middle->position[axis];
+  // Many photons may lie in the plane, on a wall for instance: all of them belong above it.
+  const auto is_below = [&](const Photon& photon) { return photon.position[axis] < plane; };
+  if (std::none_of(photons.begin(), middle, is_below)) {
+    plane = INFINITY;
+    for (const Photon& photon : photons) {
+      const float x = photon.position[axis];
+      if (x > middle->position[axis] && x < plane) plane = x;
+    }
+  }
+  const auto above = std::partition(photons.begin(), photons.end(), is_below);
+  return {plane, static_cast<std::size_t>(above - photons.begin())};
 }
 
 template <typename T>
@@ -55,18 +82,17 @@ float GuideLobe::pdf(const Vec3f& direction) const {
 void Guide::divide(std::span<Photon> photons, std::size_t node, const Range& range,
                    std::vector<Range>* cells) {
   const std::size_t count = range.last - range.first;
-  if (count <= kMaxPhotons) {
+  const std::span<Photon> all = photons.subspan(range.first, count);
+  const int axis = longest_axis(all);
+  const Division division = count > kMaxPhotons ? divide_across(axis, all) : Division{0, count};
+  if (division.below == count) {
     nodes_[node] = {0, kLeaf, static_cast<std::uint32_t>(cells->size())};
     cells->push_back(range);
     return;
   }
-  const int axis = longest_axis(photons.subspan(range.first, count));
-  const std::size_t middle = range.first + count / 2;
-  const auto at = [&](std::size_t i) { return photons.begin() + static_cast<std::ptrdiff_t>(i); };
-  std::nth_element(at(range.first), at(middle), at(range.last),
-                   [axis](const Photon& a, const Photon& b) { return precedes_along(a, b, axis); });
+  const std::size_t middle = range.first + division.below;
   const std::size_t below = nodes_.size();
-  nodes_[node] = {photons[middle].position[axis], static_cast<std::uint32_t>(axis),
+  nodes_[node] = {division.plane, static_cast<std::uint32_t>(axis),
                   static_cast<std::uint32_t>(below)};
   nodes_.resize(below + 2);
   divide(photons, below, {range.first, middle}, cells);
@@ -93,8 +119,7 @@ std::unique_ptr<const Guide> Guide::from_photons(std::vector<Photon> photons,
   parallel_for(static_cast<std::int64_t>(ranges.size()), [&](std::int64_t i) {
     const Range& range = ranges[static_cast<std::size_t>(i)];
     const auto cell = std::span(photons).subspan(range.first, range.last - range.first);
-    std::sort(cell.begin(), cell.end(),
-              [](const Photon& a, const Photon& b) { return precedes_along(a, b, 0); });
+    std::sort(cell.begin(), cell.end(), is_before);
     fits[static_cast<std::size_t>(i)] = fit_cell(cell);
   });
   for (const CellFit& fit : fits) {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+
 #include "worker/math/vector.h"
 
 namespace tessera::render {
@@ -12,6 +14,10 @@ struct Photon {
   float flux = 0;   // luminance, relative to the mean of emitted photons; above 0
   float share = 1;  // of light that light sampling does not find, among all that arrives about
                     // here; 0: this photon is of light that light sampling finds
+  std::uint64_t path = 0;  // key of its random numbers; in a chain, of the path that it starts from
+
+  /// Photons of different halves do not depend on each other.
+  bool in_second_half() const { return (path & 1) != 0; }
 };
 
 }  // namespace tessera::render

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "worker/geometry/ray.h"
@@ -14,10 +16,16 @@
 
 namespace tessera::render {
 
-/// The random numbers of one photon: a function of its key and of how many were drawn.
+/// The random numbers of one photon: a function of its key and of how many were drawn, or numbers
+/// near those of another photon.
 class PhotonRandom {
  public:
   explicit PhotonRandom(std::uint64_t key) : key_(key) {}
+  /// Differs from each of `base` by less than 2^-(closeness + 1), cyclically. `base` must outlive
+  /// this.
+  PhotonRandom(std::uint64_t key, std::span<const std::uint64_t> base, int closeness)
+      : key_(key), base_(base), closeness_(closeness) {}
+
   /// In [0, 1), a multiple of 2^-24.
   float next() { return unit_float(draw()); }
   Vec2f next_2d() {
@@ -28,9 +36,26 @@ class PhotonRandom {
   /// In [0, 1), a multiple of 2^-53.
   double next_double() { return static_cast<double>(draw() >> 11) * 0x1p-53; }
 
+  /// Appends all numbers that are drawn from now on, for the `base` of another photon.
+  void record(std::vector<std::uint64_t>* drawn) { drawn_ = drawn; }
+
  private:
-  std::uint64_t draw() { return combine(key_, count_++); }
-  std::uint64_t key_, count_ = 0;
+  std::uint64_t draw() {
+    std::uint64_t number = combine(key_, count_);
+    if (count_ < base_.size()) {
+      const std::int64_t step = static_cast<std::int64_t>(number) >> closeness_;
+      number = base_[count_] + static_cast<std::uint64_t>(step);
+    }
+    ++count_;
+    if (drawn_ != nullptr) drawn_->push_back(number);
+    return number;
+  }
+
+  std::uint64_t key_;
+  std::size_t count_ = 0;
+  std::span<const std::uint64_t> base_;
+  int closeness_ = 0;
+  std::vector<std::uint64_t>* drawn_ = nullptr;
 };
 
 /// Emits photons from the lights of a scene, each light in proportion to its estimated power. Does

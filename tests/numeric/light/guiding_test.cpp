@@ -3,10 +3,15 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <set>
 #include <string>
 
 #include "tests/support/scene/plain_scene.h"
+#include "worker/guide/photon_chains.h"
+#include "worker/guide/photon_source.h"
+#include "worker/guide/photon_store.h"
 #include "worker/guide/photon_trace.h"
 #include "worker/render/parallel_threads.h"
 
@@ -186,6 +191,46 @@ TEST(Guiding, PhotonsDependOnTheirNumberAlone) {
     EXPECT_EQ(all[i].direction, parts[i].direction);
     EXPECT_EQ(all[i].flux, parts[i].flux);
   }
+}
+
+// Few paths bring a photon to a part of the floor; paths near those do more often.
+TEST(Guiding, ChainsBringWantedPhotonsForAnyThreads) {
+  const Scene scene = caustic();
+  const render::ShadingScene shading(scene);
+  const render::SceneAccel accel(scene, render::sequential());
+  const render::LightSampler lights(scene, shading);
+  const render::PhotonSource source(scene, shading, lights);
+  const render::PhotonScene photons{scene, shading, accel, lights};
+  std::vector<render::SurfacePlace> places;
+  for (int i = 0; i < 400; ++i) {
+    places.push_back(
+        {{0.1f * static_cast<float>(i % 20), -1, 0.01f * static_cast<float>(i / 20)}, {0, 1, 0}});
+  }
+  const render::VisibleRegion region(places);
+  render::PhotonStore store(region);
+  const render::ParallelFor one = render::sequential(), four = render::parallel_threads(4);
+  store.add(trace_photons(photons, region, 0, 65536, one));
+  const std::size_t independent = store.photons().size();
+  const auto paths = store.wanted_paths();
+  ASSERT_GT(paths.size(), 10u);
+  const auto found = trace_chains({photons, source, region, one}, store, paths, 7, 65536);
+  EXPECT_GT(found.size(), 3 * independent);
+  for (const render::Photon& photon : found) {
+    EXPECT_TRUE(store.wants(photon));
+    EXPECT_TRUE(std::find(paths.begin(), paths.end(), photon.path) != paths.end());
+  }
+  const auto again = trace_chains({photons, source, region, four}, store, paths, 7, 65536);
+  ASSERT_EQ(found.size(), again.size());
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    EXPECT_EQ(found[i].position, again[i].position);
+    EXPECT_EQ(found[i].direction, again[i].direction);
+  }
+  // Chains from the same path differ.
+  const auto same = trace_chains({photons, source, region, one}, store, {paths[0]}, 7, 1024);
+  std::set<float> places_x;
+  for (const render::Photon& photon : same) places_x.insert(photon.position.x);
+  EXPECT_GT(same.size(), 100u);
+  EXPECT_GT(places_x.size(), 0.9 * static_cast<double>(same.size()));
 }
 
 }  // namespace

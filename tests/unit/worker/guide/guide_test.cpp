@@ -9,6 +9,7 @@
 #include "worker/geometry/frame.h"
 #include "worker/guide/octahedral.h"
 #include "worker/guide/photon_source.h"
+#include "worker/guide/photon_store.h"
 #include "worker/guide/recentred.h"
 #include "worker/guide/visible_region.h"
 #include "worker/render/parallel_threads.h"
@@ -182,6 +183,7 @@ std::vector<Photon> floor_photons(int count, F from) {
     const Vec3f position{2 * at.x - 1, 0, 2 * at.y - 1};
     const Vec3f direction = from(position, random.next_2d());
     photons.push_back({position, direction, {0, 1, 0}, 1});
+    photons.back().path = static_cast<std::uint64_t>(i);
   }
   return photons;
 }
@@ -214,6 +216,69 @@ TEST(Guide, PhotonsFromLampLeadToIt) {
   EXPECT_EQ(guide->at({3, 0, 0}, {0, 1, 0}).probability, 0) << "nor beside the floor";
 }
 
+// Both walls lie in planes of cells' borders. Photons in such a plane belong to the same cells as
+// the places that are asked for there.
+TEST(Guide, WallsAreGuidedEverywhere) {
+  std::vector<Photon> photons = floor_photons(40'000, from_lamp);
+  for (std::size_t i = 0; i < photons.size(); ++i) {
+    Photon& photon = photons[i];
+    photon.position = {photon.position.x, photon.position.z, i % 4 == 0 ? -3.0f : 0.0f};
+    photon.direction = {photon.direction.x, photon.direction.z, photon.direction.y};
+    photon.normal = {0, 0, 1};
+    photon.path = i / 4;
+  }
+  const auto guide = Guide::from_photons(photons, sequential());
+  ASSERT_NE(guide, nullptr);
+  PhotonRandom random(5);
+  for (int i = 0; i < 1000; ++i) {
+    const Vec2f at = random.next_2d();
+    const Vec3f place{1.9f * at.x - 0.95f, 1.9f * at.y - 0.95f, i % 4 == 0 ? -3.0f : 0.0f};
+    EXPECT_GT(guide->at(place, {0, 0, 1}).probability, 0.6f)
+        << place.x << ", " << place.y << ", " << place.z;
+  }
+}
+
+TEST(Guide, PhotonsOfOneHalfAreNotTrusted) {
+  auto photons = floor_photons(20'000, from_lamp);
+  for (Photon& photon : photons) photon.path *= 2;
+  EXPECT_EQ(Guide::from_photons(photons, sequential()), nullptr);
+}
+
+TEST(Guide, ManyPhotonsInOnePlaceMakeOneCell) {
+  const std::vector<Photon> some = floor_photons(5000, from_lamp);
+  std::vector<Photon> photons;
+  for (const Photon& photon : some) {
+    photons.push_back(photon);
+    photons.back().position = {0.5f, 0, 0.5f};
+    photons.back().direction = from_lamp(photons.back().position, {0.5f, 0.5f});
+  }
+  const auto guide = Guide::from_photons(photons, sequential());
+  ASSERT_NE(guide, nullptr);
+  EXPECT_GT(guide->at({0.5f, 0, 0.5f}, {0, 1, 0}).probability, 0.6f);
+}
+
+TEST(PhotonRandom, NumbersNearOthersDifferByStepAndWrap) {
+  PhotonRandom first(1);
+  std::vector<std::uint64_t> base;
+  first.record(&base);
+  for (int i = 0; i < 1000; ++i) first.next_double();
+  for (const int closeness : {1, 4}) {
+    PhotonRandom near(2, base, closeness);
+    const double most = std::ldexp(1.0, -closeness - 1);
+    double largest = 0;
+    for (const std::uint64_t number : base) {
+      const double apart = std::fabs(near.next_double() - static_cast<double>(number) * 0x1p-64);
+      largest = std::max(largest, std::min(apart, 1 - apart));
+    }
+    // Largest of 1000 uniform numbers.
+    EXPECT_LE(largest, most) << closeness;
+    EXPECT_GT(largest, 0.98 * most) << closeness;
+    PhotonRandom alone(2);
+    for (int i = 0; i < 1000; ++i) alone.next_double();
+    EXPECT_EQ(near.next_double(), alone.next_double()) << "new beyond the base";
+  }
+}
+
 TEST(Guide, SmallShareOfLightIsNotGuided) {
   auto photons = floor_photons(20'000, from_lamp);
   for (Photon& photon : photons) photon.share = 1e-4f;
@@ -227,7 +292,7 @@ TEST(Guide, LobesAreOnlyWherePhotonsHaveADirection) {
   });
   const auto guide = Guide::from_photons(photons, sequential());
   ASSERT_NE(guide, nullptr);
-  // Cells of 512 photons are about 0.23 m wide; one of them may cross the border.
+  // Cells of 512 to 1024 photons are at most 0.32 m wide; one of them may cross the border.
   PhotonRandom random(5);
   for (int i = 0; i < 1000; ++i) {
     const Vec2f at = random.next_2d();
@@ -246,6 +311,44 @@ TEST(Guide, IsTheSameForAnyNumberOfThreads) {
   const auto four = Guide::from_photons(photons, parallel_threads(4));
   ASSERT_TRUE(one != nullptr && four != nullptr);
   EXPECT_EQ(one->fingerprint(), four->fingerprint());
+}
+
+/// `count` photons of different paths that arrive at one place.
+std::vector<Photon> photons_at(const Vec3f& position, int count) {
+  std::vector<Photon> photons;
+  for (int i = 0; i < count; ++i) {
+    photons.push_back({position, {0, 1, 0}, {0, 1, 0}, 1});
+    photons.back().path = static_cast<std::uint64_t>(i);
+  }
+  return photons;
+}
+
+TEST(PhotonStore, FullCellsWantNoMore) {
+  const std::vector<SurfacePlace> places = {{{-1, 0, -1}, {0, 1, 0}}, {{2, 0, 2}, {0, 1, 0}}};
+  const VisibleRegion region(places);
+  PhotonStore store(region);
+  store.add(photons_at(places[0].position, 2000));
+  store.add(photons_at(places[1].position, 10));
+  const std::size_t in_first = store.photons().size() - 10;
+  EXPECT_LT(in_first, 2000u);
+  EXPECT_GT(in_first, 100u);
+  EXPECT_FALSE(store.wants(photons_at(places[0].position, 1)[0]));
+  EXPECT_TRUE(store.wants(photons_at(places[1].position, 1)[0]));
+  EXPECT_EQ(store.wanted_paths().size(), 10u);
+  EXPECT_EQ(store.share_of_seen(10), 1);
+  EXPECT_EQ(store.share_of_seen(11), 0.5);
+}
+
+TEST(PhotonStore, SharesAreOfFluxOfIndependentPaths) {
+  const std::vector<SurfacePlace> places = {{{-1, 0, -1}, {0, 1, 0}}, {{2, 0, 2}, {0, 1, 0}}};
+  const VisibleRegion region(places);
+  PhotonStore store(region);
+  auto photons = photons_at(places[0].position, 40);
+  for (std::size_t i = 0; i < 30; ++i) photons[i].share = 0;  // light sampling finds these
+  store.add(photons);
+  store.add_of_chains(photons_at(places[0].position, 100));
+  ASSERT_EQ(store.photons().size(), 110u);
+  for (const Photon& photon : store.photons()) EXPECT_EQ(photon.share, 0.25f);
 }
 
 TEST(VisibleRegion, ContainsPlacesAndWhatIsNearAndFacesAlike) {

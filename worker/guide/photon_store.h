@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "worker/guide/photon.h"
+#include "worker/guide/visible_region.h"
+
+namespace tessera::render {
+
+/// The photons that may guide, at most kMaxInCell in a cell of the region, so that bright places
+/// leave room for others.
+class PhotonStore {
+ public:
+  /// `region` must outlive the store.
+  explicit PhotonStore(const VisibleRegion& region);
+
+  /// Photons of independent paths, also of light that light sampling finds: of these only the flux
+  /// counts, for Photon::share.
+  void add(const std::vector<Photon>& photons);
+
+  /// Photons of chains (photon_chains.h), whose number says nothing about the flux.
+  void add_of_chains(const std::vector<Photon>& photons);
+
+  /// Whether the photon may guide and its cell is not full.
+  bool wants(const Photon& photon) const;
+
+  /// Keys of the independent paths with a photon in a cell that is not full, each once, in the
+  /// order in which they were added.
+  std::vector<std::uint64_t> wanted_paths() const;
+
+  /// Share of the cells that are seen to which at least `least` photons came.
+  double share_of_seen(std::uint32_t least) const;
+
+  /// Whether half of the cells that are seen have enough photons, or there are too many in all.
+  bool is_enough() const;
+
+  /// The photons that may guide, with their shares.
+  std::vector<Photon> photons() const;
+
+ private:
+  std::size_t cell_of(const Photon& photon) const;
+  void keep(const Photon& photon);
+
+  const VisibleRegion& region_;
+  std::vector<std::uint32_t> counts_;   // of photons that may guide, by cell of the region
+  std::vector<double> found_, guided_;  // flux that light sampling finds, and other flux, by cell
+  std::vector<Photon> photons_;
+  std::vector<Photon> independent_;  // those of photons_ that are not of chains
+};
+
+}  // namespace tessera::render
