@@ -1,6 +1,7 @@
 #include "worker/guide/cell_fit.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "worker/guide/octahedral.h"
@@ -18,6 +19,8 @@ constexpr float kMargin = 1.0f / 16;
 /// Radii that are tried, as multiples of half the box's diagonal.
 constexpr float kFirstRadius = 1.25f, kNextRadius = 1.5f;
 constexpr int kRadii = 11;
+/// Photons of a cell with which radii are compared.
+constexpr std::size_t kRadiusPhotons = 256;
 /// Photons at grazing angles count as if they had this cosine.
 constexpr float kMinCosine = 0.02f;
 /// Cells where light causes less relative variance than this are not guided.
@@ -99,6 +102,32 @@ class Projection {
   std::vector<Seen> seen_;
 };
 
+/// If they are many, every n-th photon of each half, about kRadiusPhotons in all.
+std::vector<Photon> some_of(std::span<const Photon> photons) {
+  const std::size_t step = (photons.size() + kRadiusPhotons - 1) / kRadiusPhotons;
+  std::vector<Photon> some;
+  std::array<std::size_t, 2> count{};  // of the halves
+  for (const Photon& photon : photons) {
+    if (count[photon.in_second_half() ? 1 : 0]++ % step == 0) some.push_back(photon);
+  }
+  return some;
+}
+
+/// The radius with which each half of the photons predicts the other half best.
+float best_radius(std::span<const Photon> photons, const CellFit& cell) {
+  float best_density = 0, best = 0;
+  float radius = length(cell.box.hi - cell.centre) * kFirstRadius;
+  for (int i = 0; i <= kRadii; ++i, radius *= kNextRadius) {
+    const float tried = i == kRadii ? 0 : radius;
+    const auto density =
+        static_cast<float>(Projection(photons, cell.centre, tried).predict().log_density);
+    if (i > 0 && !(density > best_density)) continue;
+    best_density = density;
+    best = tried;
+  }
+  return best;
+}
+
 float mean_share(std::span<const Photon> photons) {
   double sum = 0, flux = 0;
   for (const Photon& photon : photons) {
@@ -131,17 +160,8 @@ CellFit fit_cell(std::span<const Photon> photons) {
   if (first + second < kMinPhotons || std::min(first, second) < kMinPhotons / 4) return fit;
   fit.box = padded_box(photons);
   fit.centre = (fit.box.lo + fit.box.hi) * 0.5f;
-  const float reach = length(fit.box.hi - fit.centre);
-  Projection::Prediction best;
-  float radius = reach * kFirstRadius;
-  for (int i = 0; i <= kRadii; ++i, radius *= kNextRadius) {
-    const float tried = i == kRadii ? 0 : radius;
-    const Projection::Prediction found = Projection(photons, fit.centre, tried).predict();
-    if (i > 0 && !(found.log_density > best.log_density)) continue;
-    best = found;
-    fit.radius = tried;
-  }
-  fit.gain = static_cast<float>(best.gain);
+  fit.radius = best_radius(some_of(photons), fit);
+  fit.gain = static_cast<float>(Projection(photons, fit.centre, fit.radius).predict().gain);
   const float share = mean_share(photons);
   fit.probability = probability_of(fit.gain, share);
   fit.saving = saving_of(fit.gain, share, fit.probability);
