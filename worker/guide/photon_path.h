@@ -27,6 +27,7 @@ struct PhotonScene {
   /// Photons are kept only near places where paths along these rays scatter; all are kept if there
   /// are none. Unit directions.
   std::span<const Ray> camera_rays = {};
+  std::int64_t pixels = 0;  // of the frame, which limit the number of photons
 };
 
 /// What the photons of a frame have in common.
@@ -47,7 +48,8 @@ class PhotonPath {
   PhotonPath(const PhotonScene& scene, PhotonRandom random, std::uint64_t key)
       : scene_(scene), random_(random), key_(key) {}
 
-  /// Follows a photon and appends where it arrives in `region`, with a share of 0 or 1.
+  /// Follows a photon and appends a Photon for each arrival in `region`. Its share is 0 if light
+  /// sampling finds this light, otherwise 1.
   void trace(const PhotonSource& source, const VisibleRegion& region, std::vector<Photon>* stored);
 
   /// Follows a path from the camera and returns where it meets surfaces that are not specular, at
@@ -72,7 +74,7 @@ class PhotonPath {
   MovedSurface memory_;
   Ray ray_;
   Vec3f flux_;
-  bool is_found_ = true;   // by light sampling, where it arrives next
+  bool is_found_ = true;   // light sampling finds this light at the next surface
   bool is_point_ = false;  // comes straight from a light that no ray can hit
   std::int32_t depth_ = 0;
   int passed_ = 0;

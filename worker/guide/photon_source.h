@@ -21,8 +21,8 @@ namespace tessera::render {
 class PhotonRandom {
  public:
   explicit PhotonRandom(std::uint64_t key) : key_(key) {}
-  /// Differs from each of `base` by less than 2^-(closeness + 1), cyclically. `base` must outlive
-  /// this.
+  /// Number k differs from base[k], modulo 1, by at most 2^-(closeness + 1). Numbers beyond the end
+  /// of `base`, which must outlive this, depend on the key alone.
   PhotonRandom(std::uint64_t key, std::span<const std::uint64_t> base, int closeness)
       : key_(key), base_(base), closeness_(closeness) {}
 
@@ -58,9 +58,9 @@ class PhotonRandom {
   std::vector<std::uint64_t>* drawn_ = nullptr;
 };
 
-/// Emits photons from the lights of a scene, each light in proportion to its estimated power. Does
-/// not emit from media, operands of CSG solids, infinite planes, or the ends of moving lights:
-/// these emit from their place at the frame's time.
+/// Emits photons from the lights of a scene, each light in proportion to its estimated power.
+/// Media, operands of CSG solids and infinite planes emit none. A moving light emits from its place
+/// at the frame's time only.
 class PhotonSource {
  public:
   /// All must outlive the source.

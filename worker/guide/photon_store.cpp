@@ -7,12 +7,14 @@ namespace {
 
 /// Measured: docs/notes/guiding.md.
 constexpr std::uint32_t kEnoughInCell = 512, kMaxInCell = 1024;
-constexpr std::size_t kMaxPhotonCount = 1 << 19;
+constexpr std::int64_t kPhotonsPerPixel = 48, kMinPhotonCount = 1 << 16, kMaxPhotonCount = 1 << 19;
 
 }  // namespace
 
-PhotonStore::PhotonStore(const VisibleRegion& region)
+PhotonStore::PhotonStore(const VisibleRegion& region, std::int64_t pixels)
     : region_(region),
+      enough_(static_cast<std::size_t>(
+          std::clamp(kPhotonsPerPixel * pixels, kMinPhotonCount, kMaxPhotonCount))),
       counts_(VisibleRegion::kCells + 1),
       found_(VisibleRegion::kCells + 1),
       guided_(VisibleRegion::kCells + 1) {}
@@ -61,7 +63,7 @@ double PhotonStore::share_of_seen(std::uint32_t least) const {
 }
 
 bool PhotonStore::is_enough() const {
-  if (photons_.size() >= kMaxPhotonCount) return true;
+  if (photons_.size() >= enough_) return true;
   return !photons_.empty() && share_of_seen(kEnoughInCell) >= 0.5;
 }
 

@@ -13,14 +13,15 @@ namespace tessera::render {
 /// leave room for others.
 class PhotonStore {
  public:
-  /// `region` must outlive the store.
-  explicit PhotonStore(const VisibleRegion& region);
+  /// `region` must outlive the store. `pixels`: number of pixels of the frame, which limits
+  /// that of photons.
+  PhotonStore(const VisibleRegion& region, std::int64_t pixels);
 
-  /// Photons of independent paths, also of light that light sampling finds: of these only the flux
-  /// counts, for Photon::share.
+  /// Adds photons of independent paths. Those that light sampling finds are not kept; their flux
+  /// only enters Photon::share.
   void add(const std::vector<Photon>& photons);
 
-  /// Photons of chains (photon_chains.h), whose number says nothing about the flux.
+  /// Adds photons of chains (photon_chains.h), whose number says nothing about the flux.
   void add_of_chains(const std::vector<Photon>& photons);
 
   /// Whether the photon may guide and its cell is not full.
@@ -33,7 +34,7 @@ class PhotonStore {
   /// Share of the cells that are seen to which at least `least` photons came.
   double share_of_seen(std::uint32_t least) const;
 
-  /// Whether half of the cells that are seen have enough photons, or there are too many in all.
+  /// Whether half of the cells that are seen have enough photons, or there are enough in all.
   bool is_enough() const;
 
   /// The photons that may guide, with their shares.
@@ -44,6 +45,7 @@ class PhotonStore {
   void keep(const Photon& photon);
 
   const VisibleRegion& region_;
+  std::size_t enough_;                  // photons in all
   std::vector<std::uint32_t> counts_;   // of photons that may guide, by cell of the region
   std::vector<double> found_, guided_;  // flux that light sampling finds, and other flux, by cell
   std::vector<Photon> photons_;

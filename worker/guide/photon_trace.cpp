@@ -18,7 +18,7 @@ constexpr int kMaxRounds = 32;
 constexpr int kIndependentRounds = 2, kIndependentEvery = 4;
 /// A frame is not guided if guiding removes less of a sample's relative variance than kMinSaving.
 /// After 4, 8 and 16 rounds, no more photons are traced unless it grew by the factor kMinGrowth.
-/// None of this holds before kCovered of the cells that are seen have a photon.
+/// Rounds do not end for either reason before kCovered of the cells that are seen have a photon.
 constexpr double kMinSaving = 0.2, kMinGrowth = 1.25, kCovered = 0.4;
 constexpr std::int64_t kPhotonsPerChunk = 1024;
 constexpr std::uint64_t kDomain = 0x70686f746f6e7301ULL;
@@ -73,8 +73,7 @@ double saving(const Guide& guide, std::span<const SurfacePlace> places, std::siz
 /// As long as photons have reached few of the places, they say little about the others.
 double least_saving(int rounds, bool is_covered, double before) {
   if (!is_covered) return 0;
-  if (rounds == 1) return kMinSaving / 2;
-  if (rounds <= kIndependentRounds) return kMinSaving;
+  if (rounds <= kIndependentRounds) return kMinSaving / 2;
   return std::max(kMinSaving, kMinGrowth * before);
 }
 
@@ -105,7 +104,7 @@ std::unique_ptr<const Guide> build_guide(const PhotonScene& scene,
   if (source.empty()) return nullptr;
   const std::vector<SurfacePlace> places = seen_places(scene);
   const VisibleRegion region(places);
-  PhotonStore store(region);
+  PhotonStore store(region, scene.pixels);
   std::unique_ptr<const Guide> guide;
   double saved = 0;
   for (int rounds = 0; rounds < kMaxRounds && !store.is_enough();) {

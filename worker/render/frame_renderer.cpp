@@ -189,6 +189,7 @@ std::unique_ptr<const Guide> guide_of(PhotonScene scene, const CameraRays& camer
   if (!settings.guiding) return nullptr;
   const std::vector<Ray> rays = views(camera, settings, scene.frame);
   scene.camera_rays = rays;
+  scene.pixels = std::int64_t{settings.width} * settings.height;
   return build_guide(scene, checked(parallel_for));
 }
 
@@ -210,7 +211,8 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                        settings.seed,
                        frame,
                        !scene_.key_times.empty(),
-                       {}},
+                       {},
+                       0},
                       camera_, settings, parallel_for)),
       filter_(settings.filter, settings.filter_width),
       context_{shading_,

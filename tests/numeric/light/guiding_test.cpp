@@ -207,7 +207,7 @@ TEST(Guiding, ChainsBringWantedPhotonsForAnyThreads) {
         {{0.1f * static_cast<float>(i % 20), -1, 0.01f * static_cast<float>(i / 20)}, {0, 1, 0}});
   }
   const render::VisibleRegion region(places);
-  render::PhotonStore store(region);
+  render::PhotonStore store(region, 0);
   const render::ParallelFor one = render::sequential(), four = render::parallel_threads(4);
   store.add(trace_photons(photons, region, 0, 65536, one));
   const std::size_t independent = store.photons().size();

@@ -326,7 +326,7 @@ std::vector<Photon> photons_at(const Vec3f& position, int count) {
 TEST(PhotonStore, FullCellsWantNoMore) {
   const std::vector<SurfacePlace> places = {{{-1, 0, -1}, {0, 1, 0}}, {{2, 0, 2}, {0, 1, 0}}};
   const VisibleRegion region(places);
-  PhotonStore store(region);
+  PhotonStore store(region, 0);
   store.add(photons_at(places[0].position, 2000));
   store.add(photons_at(places[1].position, 10));
   const std::size_t in_first = store.photons().size() - 10;
@@ -339,10 +339,25 @@ TEST(PhotonStore, FullCellsWantNoMore) {
   EXPECT_EQ(store.share_of_seen(11), 0.5);
 }
 
+TEST(PhotonStore, FewPixelsNeedFewPhotons) {
+  std::vector<SurfacePlace> places;
+  for (int i = 0; i < 225; ++i) {
+    places.push_back({{static_cast<float>(i % 15), 0, static_cast<float>(i / 15)}, {0, 1, 0}});
+  }
+  const VisibleRegion region(places);
+  PhotonStore small(region, 64), large(region, 100'000);
+  for (const SurfacePlace& place : places) {  // 90,000 photons
+    small.add(photons_at(place.position, 400));
+    large.add(photons_at(place.position, 400));
+  }
+  EXPECT_TRUE(small.is_enough());
+  EXPECT_FALSE(large.is_enough());
+}
+
 TEST(PhotonStore, SharesAreOfFluxOfIndependentPaths) {
   const std::vector<SurfacePlace> places = {{{-1, 0, -1}, {0, 1, 0}}, {{2, 0, 2}, {0, 1, 0}}};
   const VisibleRegion region(places);
-  PhotonStore store(region);
+  PhotonStore store(region, 0);
   auto photons = photons_at(places[0].position, 40);
   for (std::size_t i = 0; i < 30; ++i) photons[i].share = 0;  // light sampling finds these
   store.add(photons);
