@@ -161,11 +161,12 @@ CellFit fit_cell(std::span<const Photon> photons) {
   fit.box = padded_box(photons);
   fit.centre = (fit.box.lo + fit.box.hi) * 0.5f;
   fit.radius = best_radius(some_of(photons), fit);
-  fit.gain = static_cast<float>(Projection(photons, fit.centre, fit.radius).predict().gain);
+  const Projection projection(photons, fit.centre, fit.radius);
+  fit.gain = static_cast<float>(projection.predict().gain);
   const float share = mean_share(photons);
   fit.probability = probability_of(fit.gain, share);
   fit.saving = saving_of(fit.gain, share, fit.probability);
-  if (fit.probability > 0) fit.tree = Projection(photons, fit.centre, fit.radius).tree();
+  if (fit.probability > 0) fit.tree = projection.tree();
   return fit;
 }
 

@@ -56,20 +56,17 @@ std::vector<Photon> trace_chains(const PhotonTracing& tracing, const PhotonStore
                                  const std::vector<std::uint64_t>& paths, std::uint64_t key,
                                  std::int64_t count) {
   const std::int64_t chains = (count + kProposalsPerChain - 1) / kProposalsPerChain;
-  std::vector<std::vector<Photon>> stored(static_cast<std::size_t>(chains));
-  tracing.parallel_for(chains, [&](std::int64_t i) {
-    const auto first = static_cast<std::size_t>(i) * paths.size() / stored.size();
-    Chain chain(tracing, store, paths[first]);
-    const std::uint64_t chain_key = combine(key, static_cast<std::uint64_t>(i));
-    for (std::int64_t k = 0; k < std::min(kProposalsPerChain, count - i * kProposalsPerChain);
-         ++k) {
-      chain.propose(combine(chain_key, static_cast<std::uint64_t>(k)),
-                    &stored[static_cast<std::size_t>(i)]);
-    }
-  });
-  std::vector<Photon> all;
-  for (const std::vector<Photon>& part : stored) all.insert(all.end(), part.begin(), part.end());
-  return all;
+  return trace_parts(
+      chains, tracing.parallel_for, [&](std::int64_t i, std::vector<Photon>* stored) {
+        const auto first =
+            static_cast<std::size_t>(i) * paths.size() / static_cast<std::size_t>(chains);
+        Chain chain(tracing, store, paths[first]);
+        const std::uint64_t chain_key = combine(key, static_cast<std::uint64_t>(i));
+        const std::int64_t proposals = std::min(kProposalsPerChain, count - i * kProposalsPerChain);
+        for (std::int64_t k = 0; k < proposals; ++k) {
+          chain.propose(combine(chain_key, static_cast<std::uint64_t>(k)), stored);
+        }
+      });
 }
 
 }  // namespace tessera::render

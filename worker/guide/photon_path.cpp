@@ -14,6 +14,16 @@ constexpr std::size_t kSeenPlaces = 2;  // of each path from the camera
 
 }  // namespace
 
+std::vector<Photon> trace_parts(
+    std::int64_t parts, const ParallelFor& parallel_for,
+    const std::function<void(std::int64_t, std::vector<Photon>*)>& trace) {
+  std::vector<std::vector<Photon>> photons(static_cast<std::size_t>(parts));
+  parallel_for(parts, [&](std::int64_t i) { trace(i, &photons[static_cast<std::size_t>(i)]); });
+  std::vector<Photon> all;
+  for (const std::vector<Photon>& part : photons) all.insert(all.end(), part.begin(), part.end());
+  return all;
+}
+
 void PhotonPath::trace(const PhotonSource& source, const VisibleRegion& region,
                        std::vector<Photon>* stored) {
   region_ = &region;

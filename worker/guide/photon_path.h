@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -30,13 +31,19 @@ struct PhotonScene {
   std::int64_t pixels = 0;  // of the frame, which limit the number of photons
 };
 
-/// What the photons of a frame have in common.
+/// Arguments that are the same for all photons of a frame.
 struct PhotonTracing {
   const PhotonScene& scene;
   const PhotonSource& source;
   const VisibleRegion& region;  // where photons are wanted
   const ParallelFor& parallel_for;
 };
+
+/// Calls `trace(i, &photons)` for i from 0 to parts - 1, in parallel, and returns the photons in
+/// the order of i.
+std::vector<Photon> trace_parts(
+    std::int64_t parts, const ParallelFor& parallel_for,
+    const std::function<void(std::int64_t, std::vector<Photon>*)>& trace);
 
 /// The path of a photon from a light, or of importance from the camera.
 ///

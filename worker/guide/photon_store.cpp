@@ -33,7 +33,7 @@ void PhotonStore::add(const std::vector<Photon>& photons) {
     const bool is_found = photon.share == 0;
     if (!region_.is_all()) (is_found ? found_ : guided_)[cell_of(photon)] += double{photon.flux};
     if (is_found) continue;
-    if (wants(photon)) independent_.push_back(photon);
+    if (wants(photon)) independent_.push_back({photon.path, cell_of(photon)});
     keep(photon);
   }
 }
@@ -48,9 +48,9 @@ bool PhotonStore::wants(const Photon& photon) const {
 
 std::vector<std::uint64_t> PhotonStore::wanted_paths() const {
   std::vector<std::uint64_t> paths;
-  for (const Photon& photon : independent_) {
-    const bool is_new = paths.empty() || paths.back() != photon.path;
-    if (is_new && wants(photon)) paths.push_back(photon.path);
+  for (const Arrival& arrival : independent_) {
+    const bool is_new = paths.empty() || paths.back() != arrival.path;
+    if (is_new && counts_[arrival.cell] < kMaxInCell) paths.push_back(arrival.path);
   }
   return paths;
 }

@@ -41,6 +41,12 @@ class PhotonStore {
   std::vector<Photon> photons() const;
 
  private:
+  /// Where a photon of an independent path arrived that may guide.
+  struct Arrival {
+    std::uint64_t path;
+    std::size_t cell;
+  };
+
   std::size_t cell_of(const Photon& photon) const;
   void keep(const Photon& photon);
 
@@ -49,7 +55,7 @@ class PhotonStore {
   std::vector<std::uint32_t> counts_;   // of photons that may guide, by cell of the region
   std::vector<double> found_, guided_;  // flux that light sampling finds, and other flux, by cell
   std::vector<Photon> photons_;
-  std::vector<Photon> independent_;  // those of photons_ that are not of chains
+  std::vector<Arrival> independent_;
 };
 
 }  // namespace tessera::render

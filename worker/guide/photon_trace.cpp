@@ -32,20 +32,17 @@ std::uint64_t frame_key(const PhotonScene& scene, std::uint64_t domain) {
 std::vector<Photon> trace_independent(const PhotonTracing& tracing, std::int64_t first,
                                       std::int64_t count) {
   const std::int64_t chunks = (count + kPhotonsPerChunk - 1) / kPhotonsPerChunk;
-  std::vector<std::vector<Photon>> stored(static_cast<std::size_t>(chunks));
   const std::uint64_t frame = frame_key(tracing.scene, kDomain);
-  tracing.parallel_for(chunks, [&](std::int64_t chunk) {
-    const std::int64_t begin = chunk * kPhotonsPerChunk;
-    const std::int64_t end = std::min(begin + kPhotonsPerChunk, count);
-    for (std::int64_t i = begin; i < end; ++i) {
-      const std::uint64_t key = combine(frame, static_cast<std::uint64_t>(first + i));
-      PhotonPath(tracing.scene, PhotonRandom(key), key)
-          .trace(tracing.source, tracing.region, &stored[static_cast<std::size_t>(chunk)]);
-    }
-  });
-  std::vector<Photon> all;
-  for (const std::vector<Photon>& part : stored) all.insert(all.end(), part.begin(), part.end());
-  return all;
+  return trace_parts(
+      chunks, tracing.parallel_for, [&](std::int64_t chunk, std::vector<Photon>* stored) {
+        const std::int64_t begin = chunk * kPhotonsPerChunk;
+        const std::int64_t end = std::min(begin + kPhotonsPerChunk, count);
+        for (std::int64_t i = begin; i < end; ++i) {
+          const std::uint64_t key = combine(frame, static_cast<std::uint64_t>(first + i));
+          PhotonPath(tracing.scene, PhotonRandom(key), key)
+              .trace(tracing.source, tracing.region, stored);
+        }
+      });
 }
 
 /// Adds the photons of round number `round`.
