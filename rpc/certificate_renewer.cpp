@@ -74,18 +74,27 @@ bool CertificateRenewer::await_first_look(milliseconds timeout) {
   return wake_.wait_for(lock, timeout, [this] { return has_looked_; });
 }
 
-/// Renews the certificate with a call that the destructor cancels.
+/// Renews the certificate with a call that the destructor cancels. The call is repeated while the
+/// client makes too many calls.
 absl::Status CertificateRenewer::renew() {
-  grpc::ClientContext context;
-  {
-    const std::lock_guard lock(mutex_);
-    if (is_stopping_) return absl::CancelledError("the program ends");
-    running_ = &context;
+  const auto end = std::chrono::steady_clock::now() + kCallTimeout;
+  while (true) {
+    grpc::ClientContext context;
+    {
+      const std::lock_guard lock(mutex_);
+      if (is_stopping_) return absl::CancelledError("the program ends");
+      running_ = &context;
+    }
+    const auto renewed = renew_certificate(options_.channel(), options_.folder, context);
+    {
+      const std::lock_guard lock(mutex_);
+      running_ = nullptr;
+    }
+    if (!is_refused_for_now(context) || std::chrono::steady_clock::now() > end) {
+      return renewed.status();
+    }
+    wait(kShortestWait);
   }
-  const auto renewed = renew_certificate(options_.channel(), options_.folder, context);
-  const std::lock_guard lock(mutex_);
-  running_ = nullptr;
-  return renewed.status();
 }
 
 /// Renews the certificate if it is due. Returns the time until the next attempt.

@@ -60,6 +60,10 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& a
   return grpc::CreateCustomChannel(address, *credentials, arguments);
 }
 
+bool is_refused_for_now(const grpc::ClientContext& context) {
+  return context.GetServerTrailingMetadata().count(kRetryKey) > 0;
+}
+
 void prepare_call(grpc::ClientContext& context, const std::string& token,
                   std::chrono::milliseconds timeout) {
   if (timeout.count() > 0) context.set_deadline(std::chrono::system_clock::now() + timeout);

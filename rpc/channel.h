@@ -19,6 +19,9 @@ inline constexpr char kTokenKey[] = "tessera-token";
 /// many calls.
 inline constexpr char kRetryKey[] = "tessera-retry";
 
+/// Returns whether the call of `context` has ended with such a refusal.
+bool is_refused_for_now(const grpc::ClientContext& context);
+
 /// Maximum size of a gRPC message in either direction (docs/reference/limits.md).
 inline constexpr int kMaxMessageBytes = 4 << 20;
 

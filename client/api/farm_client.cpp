@@ -517,10 +517,7 @@ class Client : public FarmClient {
       running_.insert(&context);
     }
     absl::Status status = attempt(context);
-    if (absl::IsResourceExhausted(status) &&
-        context.GetServerTrailingMetadata().count(contract::kRetryKey) > 0) {
-      status = absl::UnavailableError(status.message());
-    }
+    if (contract::is_refused_for_now(context)) status = absl::UnavailableError(status.message());
     const std::lock_guard lock(mutex_);
     running_.erase(&context);
     return status;

@@ -3,14 +3,17 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <ctime>
 #include <future>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "client/api/farm_client.h"
+#include "rpc/certificate_renewer.h"
 #include "rpc/channel.h"
 #include "server/service/quotas/client_limits.h"
 #include "tessera/v1/farm_service.grpc.pb.h"
@@ -290,6 +293,24 @@ TEST_F(ConcurrentCalls, FarmClientWaitsForAPlace) {
   release_writer();
   const absl::Status status = listing.get();
   EXPECT_TRUE(status.ok()) << status;
+}
+
+TEST_F(ConcurrentCalls, RenewalWaitsForAPlace) {
+  const std::string folder = folder_ + "/brief";
+  const std::int64_t now = std::time(nullptr);
+  ASSERT_TRUE(issue(certs_, Role::client, "ann", folder, {now - 800, now + 200}).ok());
+  ASSERT_TRUE(take_places());
+  std::promise<void> renewed;
+  contract::CertificateRenewer::Options options;
+  options.folder = folder;
+  options.channel = [&] { return contract::open_channel(server_->address(), folder).value(); };
+  options.renewed = [&] { renewed.set_value(); };
+  options.failed = [](const absl::Status& status) { ADD_FAILURE() << status; };
+  const contract::CertificateRenewer renewer(std::move(options));
+  auto end = renewed.get_future();
+  EXPECT_EQ(end.wait_for(std::chrono::milliseconds(1500)), std::future_status::timeout);
+  release_writer();
+  EXPECT_EQ(end.wait_for(std::chrono::seconds(10)), std::future_status::ready);
 }
 
 }  // namespace
