@@ -5,8 +5,9 @@
 #   tests/run.sh -L unit         tests of one kind: unit, numeric, integration or e2e
 #   tests/run.sh -R same_bits    tests by name
 #
-# Prints at the end how many tests passed, and which were skipped and why. With TESSERA_STRICT_SKIPS=1, as
-# in .ci/run, a skip that tests/allowed_skips.txt does not list is a failure.
+# Prints at the end how many tests passed, the end of the output of those that failed, and which were skipped
+# and why. With TESSERA_STRICT_SKIPS=1, as in .ci/run, a skip that tests/allowed_skips.txt does not list is a
+# failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -24,6 +25,6 @@ echo "tests/run.sh: $(grep -E '^[0-9]+% tests passed' "$scratch/log" || echo 'ct
 if [ -f "$scratch/report.xml" ]; then
   strict=()
   [ "${TESSERA_STRICT_SKIPS:-0}" = 0 ] || strict=(--strict)
-  tests/skips.py "$scratch/report.xml" "${strict[@]}" || status=1
+  tests/summary.py "$scratch/report.xml" "${strict[@]}" || status=1
 fi
 exit "$status"

@@ -38,7 +38,7 @@ fail() {
   exit 1
 }
 
-# skip REASON: ends the test; ctest reports it as skipped, and tests/skips.py checks that CI allows it.
+# skip REASON: ends the test; ctest reports it as skipped, and tests/summary.py checks that CI allows it.
 skip() {
   echo "SKIPPED: $*"
   exit 77

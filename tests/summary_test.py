@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Shows that skips.py --strict accepts the skips on the list and nothing else."""
+"""Shows that summary.py prints the end of failed tests, and that --strict accepts the skips on the list only."""
 
 import contextlib
 import io
@@ -7,22 +7,40 @@ import os
 import tempfile
 import unittest
 
-import skips
+import summary
 
 RAN = '<testcase name="unit.A.Runs" status="run"/>'
 SKIPPED = ('<testcase name="{}" status="notrun"><skipped message="SKIP_RETURN_CODE=77"/>'
            "<system-out>SKIPPED: {}\n</system-out></testcase>")
 
 
-def status_of(*cases):
-    """Exit code of skips.py --strict for a report with these test cases."""
+def summarise(*cases):
+    """Returns exit code and output of summary.py --strict for a report with these test cases."""
     with tempfile.NamedTemporaryFile("w", suffix=".xml", delete=False) as file:
         file.write(f"<testsuite>{''.join(cases)}</testsuite>")
     try:
-        with contextlib.redirect_stdout(io.StringIO()):
-            return skips.main([file.name, "--strict"])
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            return summary.main([file.name, "--strict"]), printed.getvalue()
     finally:
         os.unlink(file.name)
+
+
+def status_of(*cases):
+    return summarise(*cases)[0]
+
+
+class Failures(unittest.TestCase):
+    def test_end_of_output_is_printed(self):
+        lines = "\n".join(f"line {number}" for number in range(100))
+        failed = ('<testcase name="e2e.chaos" status="fail"><failure message="Failed"/>'
+                  f"<system-out>{lines}</system-out></testcase>")
+        _, printed = summarise(RAN, failed)
+        self.assertIn("e2e.chaos failed", printed)
+        self.assertIn("line 99", printed)
+        self.assertNotIn("line 1\n", printed)
+
+    def test_passed_tests_are_not_printed(self):
+        self.assertNotIn("unit.A.Runs", summarise(RAN)[1])
 
 
 class StrictSkips(unittest.TestCase):

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Lists the tests that a ctest run skipped, with their reasons.
+"""Summarises a run of ctest: the end of the output of each failed test, and the skipped tests with their reasons.
 
-    tests/skips.py REPORT.xml [--strict]
+    tests/summary.py REPORT.xml [--strict]
 
 REPORT.xml comes from `ctest --output-junit`. A disabled test (DISABLED_ in its name) counts as
 skipped. With --strict, fails if a test was skipped that tests/allowed_skips.txt does not list with
@@ -14,6 +14,7 @@ import sys
 import xml.etree.ElementTree
 
 ALLOWED = pathlib.Path(__file__).parent / "allowed_skips.txt"
+LINES_OF_FAILURE = 40
 
 
 def read_allowed(path):
@@ -65,12 +66,22 @@ def read_report(path):
     return ran, skipped
 
 
+def read_failures(path):
+    """Returns (name, last lines of its output) of each failed test of a report."""
+    return [(case.get("name"), (case.findtext("system-out") or "").splitlines()[-LINES_OF_FAILURE:])
+            for case in xml.etree.ElementTree.parse(path).getroot().iter("testcase")
+            if case.find("failure") is not None]
+
+
 def main(arguments=None):
-    parser = argparse.ArgumentParser(description="Lists skipped tests and their reasons.")
+    parser = argparse.ArgumentParser(description="Prints failed and skipped tests.")
     parser.add_argument("report", help="JUnit file of ctest")
     parser.add_argument("--strict", action="store_true", help="fail on skips that are not allowed")
     options = parser.parse_args(arguments)
     allowed = read_allowed(ALLOWED)
+    for name, lines in read_failures(options.report):
+        print(f"{name} failed; the end of its output:")
+        print("\n".join(f"  | {line}" for line in lines))
     ran, skipped = read_report(options.report)
     print(f"{len(skipped)} tests skipped")
     forbidden = 0
