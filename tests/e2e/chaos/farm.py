@@ -90,6 +90,13 @@ class Worker:
     def text(self):
         return self.log.read_text(errors="replace") if self.log.exists() else ""
 
+    def await_drain(self, seconds):
+        """Waits for its end after SIGTERM. A program that was only just started and does not handle SIGTERM yet
+        dies of it, which takes nothing from the farm."""
+        status = self.process.wait(seconds)
+        if status != 0 and not (status == -signal.SIGTERM and not self.text()):
+            raise Wrong(f"{self.id} ended with {status} on SIGTERM")
+
 
 class Farm:
     """One client with a few jobs, on a Unix socket."""
@@ -410,8 +417,7 @@ class Farm:
         for worker in self.workers.values():
             worker.process.terminate()
         for worker in self.workers.values():
-            if worker.process.wait(30) != 0:
-                raise Wrong(f"{worker.id} ended with {worker.process.returncode} on SIGTERM")
+            worker.await_drain(30)
         self.server.terminate()
         if self.server.wait(30) != 0:
             raise Wrong(f"the server ended with {self.server.returncode} on SIGTERM")

@@ -215,8 +215,7 @@ def drain_worker(farm, rng):
             with contextlib.suppress(ProcessLookupError):
                 os.kill(renderer, signal.SIGTERM)
         worker.process.terminate()
-        if worker.process.wait(30) != 0:
-            raise AssertionError(f"{worker.id} ended with {worker.process.returncode} on SIGTERM")
+        worker.await_drain(30)
         if "killed by SIGTERM" in worker.text():
             raise AssertionError(f"the renderer of {worker.id} died of SIGTERM")
         farm.start_worker(worker.slot)

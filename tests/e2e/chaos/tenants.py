@@ -126,14 +126,10 @@ class TenantFarm(Farm):
         while not self.over:
             worker, begin = self.start_worker(VISITOR), time.monotonic()
             self.pause(rng.uniform(1, 4))
-            # A program that has only just been started does not handle SIGTERM yet.
-            while not worker.text() and worker.process.poll() is None and time.monotonic() < begin + 10:
-                time.sleep(0.05)
             units = len({tuple(line.split()[1:5]) for line in
                          (worker.units.read_text().splitlines() if worker.units.exists() else [])})
             worker.process.terminate()
-            if worker.process.wait(60) != 0:
-                raise Wrong(f"{worker.id} ended with {worker.process.returncode} on SIGTERM")
+            worker.await_drain(60)
             self.visits.append({"worker": worker.id, "pid": worker.process.pid, "units": units,
                                 "seconds": round(time.monotonic() - begin, 3)})
             self.pause(rng.uniform(0.2, 1))
