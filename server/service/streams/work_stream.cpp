@@ -281,12 +281,15 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
 
   /// Sends Welcome to an admitted worker and reads on. On any thread.
   void finish_admission(const Hello& hello, const absl::StatusOr<std::string>& session_key) {
+    absl::Status refusal = session_key.status();
+    // A stream that has ended meanwhile must not replace a newer one of its worker.
+    if (context_.IsCancelled()) refusal = absl::CancelledError("the worker has left");
     std::optional<WorkerRegistry::Joined> joined;
-    if (session_key.ok()) joined = coordinator_.workers().join(hello, connection_);
+    if (refusal.ok()) joined = coordinator_.workers().join(hello, connection_);
     const std::lock_guard lock(mutex_);
     is_being_admitted_ = false;
     if (joined) session_ = joined->session;
-    if (!joined && !final_status_) final_status_ = session_key.status();
+    if (!joined && !final_status_) final_status_ = refusal;
     if (final_status_) return Finish(contract::to_rpc(*final_status_));
     write_welcome(*joined, *session_key);
     StartRead(&request_);

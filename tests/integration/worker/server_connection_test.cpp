@@ -30,7 +30,8 @@ class FakeServer : public v1::WorkerService::Service {
   std::string store_id = "store";
   milliseconds timeout{60'000};
   std::atomic<bool> plays_dead = false;
-  grpc::Status refusal;  // of Work, before Welcome
+  grpc::Status refusal;               // of Work, before Welcome
+  std::atomic<int> replacements = 0;  // streams that end after Welcome, replaced by a newer one
 
   grpc::Status Work(grpc::ServerContext* context,
                     grpc::ServerReaderWriter<v1::WorkResponse, v1::WorkRequest>* stream) override {
@@ -46,6 +47,10 @@ class FakeServer : public v1::WorkerService::Service {
       stream->Write(welcome);
       work_ = {context, stream};
     });
+    if (replacements-- > 0) {
+      note([&] { work_ = {}; });
+      return {grpc::StatusCode::ABORTED, "replaced by a newer stream"};
+    }
     while (stream->Read(&request)) {
       note([&] { requests.push_back(request); });
     }
@@ -324,6 +329,22 @@ TEST_F(ServerConnectionTest, RefusalIsFinal) {
   ASSERT_TRUE(run_until([this] { return !refused_.ok(); }));
   EXPECT_EQ(std::string(refused_.message()), "other numerics");
   EXPECT_EQ(fake_.hellos.size(), 1u);
+}
+
+TEST_F(ServerConnectionTest, ReplacedStreamConnectsAgainOnce) {
+  fake_.replacements = 1;  // by the late Hello of an earlier stream of this process
+  open();
+  ASSERT_TRUE(run_until([this] { return fake_.hellos.size() == 2 && connection_->connected(); }));
+  EXPECT_TRUE(refused_.ok()) << refused_;
+}
+
+TEST_F(ServerConnectionTest, StreamReplacedTwiceIsRefused) {
+  fake_.replacements = 2;  // by another process with this ID
+  open();
+  ASSERT_TRUE(run_until([this] { return !refused_.ok(); }));
+  EXPECT_TRUE(absl::IsAborted(refused_)) << refused_;
+  EXPECT_NE(refused_.message().find("another process uses the worker ID"), std::string::npos);
+  EXPECT_EQ(fake_.hellos.size(), 2u);
 }
 
 TEST_F(ServerConnectionTest, EndedCertificateIsAwaited) {

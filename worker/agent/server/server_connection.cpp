@@ -15,6 +15,9 @@ using std::chrono::seconds;
 constexpr seconds kHelloTimeout{10};  // from Hello to Welcome
 constexpr seconds kAckTimeout{30};    // then blocks are sent again
 constexpr std::size_t kChunkBytes = 64 << 10;
+/// If a stream is replaced twice within this time, another process uses the worker ID. Once may be
+/// due to the network, if it delivers the Hello of an earlier stream of this process late.
+constexpr seconds kReplacedTwice{60};
 
 std::chrono::nanoseconds to_nanoseconds(const google::protobuf::Duration& span,
                                         std::chrono::nanoseconds least) {
@@ -28,11 +31,16 @@ bool is_final(const absl::Status& status) {
     case absl::StatusCode::kUnauthenticated:
     case absl::StatusCode::kPermissionDenied:
     case absl::StatusCode::kUnimplemented:
-    case absl::StatusCode::kAborted:  // another process uses this worker ID
       return true;
     default:
       return false;
   }
+}
+
+absl::Status id_is_in_use(const absl::Status& status) {
+  return absl::AbortedError(absl::StrCat(
+      "another process uses the worker ID; stop one of the two, or choose another one with --id (",
+      std::string(status.message()), ")"));
 }
 
 }  // namespace
@@ -143,19 +151,20 @@ void ServerConnection::on_closed(const absl::Status& status) {
     deliver_->cancel();
   }
   if (finishing_) return;
+  const Time now = Clock::now();
+  if (absl::IsAborted(status)) {
+    const auto before = std::exchange(replaced_at_, now);
+    if (before && now - *before < kReplacedTwice) return refuse(id_is_in_use(status));
+  }
   const bool awaits_certificate = absl::IsUnauthenticated(status) && options_.awaits_certificate &&
                                   options_.awaits_certificate();
   // A different store does not know the session key but may accept the token.
   const bool has_stale_key =
       absl::IsUnauthenticated(status) && !session_key_.empty() && !awaits_certificate;
   if (has_stale_key) session_key_.clear();
-  if (is_final(status) && !has_stale_key && !awaits_certificate) {
-    finishing_ = true;
-    callbacks_.refused(status);
-    return;
-  }
+  if (is_final(status) && !has_stale_key && !awaits_certificate) return refuse(status);
   std::uniform_int_distribution<std::int64_t> jitter(pause_.count() / 2, pause_.count());
-  connect_at_ = Clock::now() + milliseconds(jitter(random_));
+  connect_at_ = now + milliseconds(jitter(random_));
   pause_ = std::min(2 * pause_, kMaxPause);
   if (was_welcome) {
     options_.log(LogLevel::warn, absl::StrCat("connection lost (", std::string(status.message()),
@@ -165,6 +174,11 @@ void ServerConnection::on_closed(const absl::Status& status) {
     options_.log(LogLevel::warn,
                  absl::StrCat("cannot reach the server (", last_connect_error_, "); retrying"));
   }
+}
+
+void ServerConnection::refuse(const absl::Status& status) {
+  finishing_ = true;
+  callbacks_.refused(status);
 }
 
 void ServerConnection::check_silence(Time now) {

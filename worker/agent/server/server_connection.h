@@ -73,6 +73,7 @@ class ServerConnection {
   void open_deliver();
   void on_response(v1::WorkResponse response);
   void on_closed(const absl::Status& status);
+  void refuse(const absl::Status& status);
   void deliver();
   std::optional<UnitQueue::Block> next_block();
   void add_parts(v1::DeliverRequest& request);
@@ -97,6 +98,7 @@ class ServerConnection {
   std::chrono::nanoseconds interval_, timeout_;
   std::chrono::milliseconds pause_;
   Time connect_at_{}, last_response_at_{}, heartbeat_at_{};
+  std::optional<Time> replaced_at_;  // when a newer stream last replaced that of this process
 
   std::optional<UnitQueue::Block> sending_;  // block being split into parts
   std::size_t sent_bytes_ = 0;
