@@ -331,14 +331,14 @@ TEST_F(ServerConnectionTest, RefusalIsFinal) {
   EXPECT_EQ(fake_.hellos.size(), 1u);
 }
 
-TEST_F(ServerConnectionTest, ReplacedStreamConnectsAgainOnce) {
+TEST_F(ServerConnectionTest, ReplacedStreamReconnects) {
   fake_.replacements = 1;  // by the late Hello of an earlier stream of this process
   open();
   ASSERT_TRUE(run_until([this] { return fake_.hellos.size() == 2 && connection_->connected(); }));
   EXPECT_TRUE(refused_.ok()) << refused_;
 }
 
-TEST_F(ServerConnectionTest, StreamReplacedTwiceIsRefused) {
+TEST_F(ServerConnectionTest, TwiceReplacedIsRefused) {
   fake_.replacements = 2;  // by another process with this ID
   open();
   ASSERT_TRUE(run_until([this] { return !refused_.ok(); }));
