@@ -18,8 +18,11 @@ constexpr int kMaxRounds = 32;
 constexpr int kIndependentRounds = 2, kIndependentEvery = 4;
 /// A frame is not guided if guiding removes less of a sample's relative variance than kMinSaving.
 /// After 4, 8 and 16 rounds, no more photons are traced unless it grew by the factor kMinGrowth.
-/// Rounds do not end for either reason before kCovered of the cells that are seen have a photon.
-constexpr double kMinSaving = 0.2, kMinGrowth = 1.25, kCovered = 0.4;
+constexpr double kMinSaving = 0.2, kMinGrowth = 1.25;
+/// Rounds do not end for either reason before kReached of the cells that are seen have a photon and
+/// kCovered of them have kCoveredPhotons, because the saving is random where photons are few.
+constexpr double kReached = 0.4, kCovered = 0.1;
+constexpr std::uint32_t kCoveredPhotons = 8;
 constexpr std::int64_t kPhotonsPerChunk = 1024;
 constexpr std::uint64_t kDomain = 0x70686f746f6e7301ULL;
 constexpr std::uint64_t kSeenDomain = 0x70686f746f6e7302ULL;
@@ -112,7 +115,8 @@ std::unique_ptr<const Guide> build_guide(const PhotonScene& scene,
     if (region.is_all()) return guide;
     const double before = saved;
     saved = guide == nullptr ? 0 : saving(*guide, places, scene.camera_rays.size());
-    const bool is_covered = store.share_of_seen(1) >= kCovered;
+    const bool is_covered =
+        store.share_of_seen(1) >= kReached && store.share_of_seen(kCoveredPhotons) >= kCovered;
     if (saved < least_saving(rounds, is_covered, before)) break;
   }
   return saved < kMinSaving ? nullptr : std::move(guide);

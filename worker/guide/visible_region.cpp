@@ -29,10 +29,21 @@ VisibleRegion::VisibleRegion(std::span<const SurfacePlace> places) {
   for (std::size_t i = 0; i < kCells; ++i) {
     if (seen[i] == 0) continue;
     seen_.push_back(static_cast<std::uint32_t>(i));
-    for (int k = 0; k < 27; ++k) {
-      // Cells with a place are not at the border, because of the margin.
-      const int offset = ((k / 9 - 1) * kSide + k / 3 % 3 - 1) * kSide + k % 3 - 1;
-      marks_[static_cast<std::size_t>(static_cast<std::int64_t>(i) + offset)] = 1;
+    mark_around(i);
+  }
+}
+
+/// Marks a cell and its neighbours. Rounding may move a place into the margin, so that some would
+/// be outside the grid.
+void VisibleRegion::mark_around(std::size_t cell) {
+  const std::size_t x = cell % kSide, y = cell / kSide % kSide, z = cell / (kSide * kSide) % kSide;
+  const std::size_t side = cell - (z * kSide + y) * kSide - x;
+  const auto last = [](std::size_t at) { return std::min<std::size_t>(at + 1, kSide - 1); };
+  const auto first = [](std::size_t at) { return at - std::min<std::size_t>(at, 1); };
+  for (std::size_t c = first(z); c <= last(z); ++c) {
+    for (std::size_t b = first(y); b <= last(y); ++b) {
+      for (std::size_t a = first(x); a <= last(x); ++a)
+        marks_[side + (c * kSide + b) * kSide + a] = 1;
     }
   }
 }

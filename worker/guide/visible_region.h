@@ -39,6 +39,8 @@ class VisibleRegion {
   std::span<const std::uint32_t> seen_cells() const { return seen_; }
 
  private:
+  void mark_around(std::size_t cell);
+
   Vec3f low_;
   float per_metre_ = 0;              // cells
   std::vector<std::uint8_t> marks_;  // by cell, and of what is outside: 1 if it is in the region

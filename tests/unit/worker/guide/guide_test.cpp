@@ -381,5 +381,17 @@ TEST(VisibleRegion, ContainsPlacesAndWhatIsNearAndFacesAlike) {
   EXPECT_TRUE(VisibleRegion().contains({{5, 5, 5}, {1, 0, 0}})) << "all of space";
 }
 
+// The rounded margin of the grid is a little less than a cell, so the first place is in cell 0 of
+// each axis.
+TEST(VisibleRegion, PlacesInTheMarginHaveNoNeighboursBeyondIt) {
+  for (const Vec3f& normal : {Vec3f{1, 0, 0}, Vec3f{0, 1, 0}}) {
+    const VisibleRegion region(
+        std::vector<SurfacePlace>{{{-9, -9, -9}, normal}, {{-8.5f, -8.5f, -8.5f}, normal}});
+    ASSERT_LT(region.cell({{-9, -9, -9}, {1, 0, 0}}), VisibleRegion::kSide) << "row 0 of layer 0";
+    EXPECT_TRUE(region.contains({{-8.99f, -8.99f, -8.99f}, normal}));
+    EXPECT_FALSE(region.contains({{-8.49f, -9, -9}, normal})) << "the other end of the row";
+  }
+}
+
 }  // namespace
 }  // namespace tessera::render
