@@ -36,7 +36,7 @@ VisibleRegion::VisibleRegion(std::span<const SurfacePlace> places) {
 /// Marks a cell and its neighbours. Rounding may move a place into the margin, so that some would
 /// be outside the grid.
 void VisibleRegion::mark_around(std::size_t cell) {
-  const std::size_t x = cell % kSide, y = cell / kSide % kSide, z = cell / (kSide * kSide) % kSide;
+  const std::size_t x = cell % kSide, y = cell / kSide % kSide, z = cell / kSide / kSide % kSide;
   const std::size_t side = cell - (z * kSide + y) * kSide - x;
   const auto last = [](std::size_t at) { return std::min<std::size_t>(at + 1, kSide - 1); };
   const auto first = [](std::size_t at) { return at - std::min<std::size_t>(at, 1); };
