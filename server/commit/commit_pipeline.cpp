@@ -178,12 +178,19 @@ std::vector<Event> CommitPipeline::finish_recording(const absl::Status& together
 
 absl::Status CommitPipeline::write_and_tell(const std::function<absl::Status()>& write,
                                             Event event) {
+  return write_apart([&] {
+    const absl::Status written = write();
+    if (written.ok()) tell(event);
+    return written;
+  });
+}
+
+absl::Status CommitPipeline::write_apart(const std::function<absl::Status()>& write) {
   EventLog::Pending events = farm_.events().take_pending();  // they happened before
   absl::Status written, recorded;
   const absl::Status together = store_.write_together([&] {
     told_.clear();
     written = write();
-    if (written.ok()) tell(event);
     recorded = record(events);
   });
   farm_.events().publish(finish_recording(together, recorded, std::move(events)));

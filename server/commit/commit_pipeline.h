@@ -52,9 +52,13 @@ class CommitPipeline final : public EffectHandler {
   /// Runs a task on the writer thread between transactions, in order with what was posted before:
   /// all answers to that have been given, and no others are given meanwhile.
   void post(std::function<void()> task) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Records an event in the transaction of the round. Call within `write` of post_write(), after
-  /// the change that the event reports has been written.
+  /// Records an event in the open transaction. Call within `write` of post_write() or
+  /// write_apart(), after the change that the event reports has been written.
   void tell(Event event) { told_.push_back(farm_.events().stamp(std::move(event))); }
+  /// Runs `write`, which may call tell(), as one transaction. Call within a task of post().
+  ///
+  /// Errors: those of `write`, the other parts of which are durable; those of the transaction.
+  absl::Status write_apart(const std::function<absl::Status()>& write);
   /// Runs `write` and records an event in one transaction. Call within a task of post(). Errors:
   /// those of `write`; then there is no event.
   absl::Status write_and_tell(const std::function<absl::Status()>& write, Event event);

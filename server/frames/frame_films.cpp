@@ -71,17 +71,27 @@ ReferenceReader FrameFilms::reference_reader(const JobSpec& spec, std::int32_t f
   };
 }
 
+bool FrameFilms::is_current(const FarmView& farm, const FrameKey& key) const {
+  const Job* job = farm.find_job(key.job_id);
+  const MutexLock lock(mutex_);
+  const auto opened = revisions_.find(key);
+  return job != nullptr && opened != revisions_.end() && opened->second == farm.film(*job).revision;
+}
+
 bool FrameFilms::open(const FrameKey& key) {
-  if (cache_.is_open(key)) return false;
   std::shared_ptr<const JobSpec> spec;
   std::vector<Unit> units;
   {
     FarmChange change(farm_);
     Job* job = change.find_job(key.job_id);
-    if (job == nullptr) return false;
+    if (job == nullptr || is_current(change, key)) return false;
     spec = job->spec;
-    units = change.film(*job).open_block_index(*job).units(key.frame);
+    JobFilm& film = change.film(*job);
+    units = film.open_block_index(*job).units(key.frame);
+    const MutexLock lock(mutex_);
+    revisions_[key] = film.revision;
   }
+  cache_.close_frame(key);
   cache_.open_frame(
       key, spec->settings,
       [this, key](std::int32_t tile, std::int32_t pass) {
@@ -100,6 +110,8 @@ bool FrameFilms::open(const FrameKey& key) {
 void FrameFilms::close(const FrameKey& key) {
   cache_.close_frame(key);
   take_damaged(key);
+  const MutexLock lock(mutex_);
+  revisions_.erase(key);
 }
 
 std::vector<Unit> FrameFilms::take_damaged(const FrameKey& key) {

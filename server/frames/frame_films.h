@@ -27,8 +27,11 @@ class FrameFilms {
   FilmCache& cache() { return cache_; }
   const FilmCache& cache() const { return cache_; }
 
-  /// Opens a frame unless it is open or its job is gone. Returns whether it opened it.
+  /// Opens a frame unless its job is gone, again if its film is out of date (JobFilm::revision).
+  /// Returns whether it opened it.
   bool open(const FrameKey& key);
+  /// Returns whether the frame's film is open and up to date.
+  bool is_current(const FarmView& farm, const FrameKey& key) const;
   /// Drops the film of a frame.
   void close(const FrameKey& key);
   /// Returns the frame's units whose blocks could not be read since the last call: they are
@@ -43,7 +46,8 @@ class FrameFilms {
   FarmState& farm_;
   const Store& store_;
   FilmCache cache_;
-  Mutex mutex_;
+  mutable Mutex mutex_;                                                 // taken after the farm's
+  std::map<FrameKey, std::int64_t> revisions_ ABSL_GUARDED_BY(mutex_);  // of open frames
   std::map<FrameKey, std::vector<contract::Unit>> damaged_ ABSL_GUARDED_BY(mutex_);
 };
 

@@ -14,9 +14,11 @@ namespace {
 
 constexpr auto kEstimateEvery = std::chrono::milliseconds(250);
 
-/// Returns whether all units of a frame are committed and no audit is open.
+/// Returns whether all units of a frame are committed, no audit is open, and no units of a faulty
+/// worker are left.
 bool is_ready(FarmChange& change, const Job& job, std::int32_t frame) {
-  return job.plan->is_complete(frame) && !change.scheduler().audits().has_audits(job, frame);
+  return job.plan->is_complete(frame) && !change.scheduler().audits().has_audits(job, frame) &&
+         change.film(job).suspect.count(frame) == 0;
 }
 
 }  // namespace
@@ -133,6 +135,7 @@ absl::Status FrameFinisher::pass_targets(const FrameKey& key) {
   FarmChange change(farm_);
   Job* job = change.find_job(key.job_id);
   if (job == nullptr || !job->plan || job->plan->is_finished(key.frame)) return absl::OkStatus();
+  if (!films_.is_current(change, key)) return absl::OkStatus();  // open() decides again
   for (const contract::PassRule::PassTarget& demand : *demands) {
     change.scheduler().results().set_pass_target(*job, key.frame, demand.tile, demand.pass_count,
                                                  demand.is_final);
@@ -150,21 +153,24 @@ bool FrameFinisher::redo_damaged(const FrameKey& key, const absl::Status& status
   farm_.log(LogLevel::warn, absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ",
                                          status.ToString(), "; rendering it again"));
   close(key);
-  pipeline_.post([this, key, units = std::move(damaged)] { redo(key, units, false); });
+  pipeline_.post([this, key, units = std::move(damaged)] { redo(key, units); });
   return true;
 }
 
 void FrameFinisher::merge_now(const FilmUpdate& update) {
   const FrameKey key{update.job_id, update.unit.frame};
+  bool is_wanted = false, is_current = false;
   {
     const FarmView view(farm_);
     const Job* job = view.find_job(update.job_id);
-    const bool is_wanted = job != nullptr && !has_ended(job->state) && job->plan &&
-                           job->plan->contains(update.unit) &&
-                           !job->plan->is_finished(update.unit.frame);
-    if (!is_wanted) return;
+    is_wanted = job != nullptr && !has_ended(job->state) && job->plan &&
+                job->plan->contains(update.unit) && !job->plan->is_finished(update.unit.frame);
+    is_current = is_wanted && view.film(*job).revision == update.revision;
   }
+  // A film without this unit would be out of date if the job is retried.
+  if (!is_wanted) return close(key);
   open(key);
+  if (!is_current) return;  // what is left of it is in the film that was opened
   const Time started = farm_.now();
   FilmCache& cache = films_.cache();
   const absl::Status status =
@@ -205,6 +211,7 @@ void FrameFinisher::close(const FrameKey& key) {
 void FrameFinisher::finish(const FrameKey& key) {
   std::shared_ptr<const JobSpec> spec;
   std::vector<BlockIndex::PassProgress> progress;
+  std::int64_t revision = 0;
   {
     FarmChange change(farm_);
     Job* job = change.find_job(key.job_id);
@@ -215,6 +222,7 @@ void FrameFinisher::finish(const FrameKey& key) {
       return;
     }
     spec = job->spec;
+    revision = film.revision;
     progress = film.open_block_index(*job).progress(key.frame);
   }
   if (open(key) && films_.cache().is_look_due(key)) {  // the look comes first
@@ -225,13 +233,18 @@ void FrameFinisher::finish(const FrameKey& key) {
   const Time started = farm_.now();
   auto finished = write_finished_frame(films_.cache(), store_, key, *spec, progress);
   farm_.metrics().frame_write_seconds.Observe(seconds(farm_.now() - started));
-  if (!finished.ok() && !redo_damaged(key, finished.status())) fail(key, finished.status());
+  if (!finished.ok()) {
+    if (!redo_damaged(key, finished.status())) fail(key, finished.status());
+    FarmChange change(farm_);
+    const Job* job = change.find_job(key.job_id);
+    if (job != nullptr) change.film(*job).finishing.erase(key.frame);
+  }
   close(key);
   if (!finished.ok()) return;
   const auto frame = std::make_shared<const FinishedFrame>(*std::move(finished));
   pipeline_.post_write(
-      [this, key, frame, spec] {
-        if (!may_record(key)) return absl::CancelledError("its units are rendered again");
+      [this, key, frame, spec, revision] {
+        if (!may_record(key, revision)) return absl::CancelledError("its units are rendered again");
         const FrameRecord& record = frame->record;
         absl::Status written = frame->image.empty()
                                    ? store_.frames().finish(key.job_id, record)
@@ -241,20 +254,29 @@ void FrameFinisher::finish(const FrameKey& key) {
       },
       [this, key, frame](const absl::Status& status) {
         if (status.ok()) return note_finished(key, *frame);
-        if (!absl::IsCancelled(status)) fail(key, status);
+        if (absl::IsCancelled(status)) return finish_again(key);
+        fail(key, status);
       });
 }
 
 // The writer thread ------------------------------------------------------------------------------
 
-/// Returns false if units of a faulty worker have been dropped since the image was written.
-bool FrameFinisher::may_record(const FrameKey& key) {
+/// Returns whether the image is still right: no units were dropped, and the plan was not replaced,
+/// after finish() began.
+bool FrameFinisher::may_record(const FrameKey& key, std::int64_t revision) {
+  FarmChange change(farm_);
+  const Job* job = change.find_job(key.job_id);
+  return job != nullptr && change.film(*job).revision == revision &&
+         (has_ended(job->state) || is_ready(change, *job, key.frame));
+}
+
+/// Finishes a frame whose image was out of date, when it is complete.
+void FrameFinisher::finish_again(const FrameKey& key) {
   FarmChange change(farm_);
   Job* job = change.find_job(key.job_id);
-  if (job == nullptr) return false;
-  if (has_ended(job->state) || is_ready(change, *job, key.frame)) return true;
+  if (job == nullptr) return;
   change.film(*job).finishing.erase(key.frame);
-  return false;
+  finish_if_complete(change, *job, key.frame);
 }
 
 void FrameFinisher::tell_finished(const FrameKey& key, const std::string& owner) {
@@ -275,18 +297,22 @@ void FrameFinisher::note_finished(const FrameKey& key, const FinishedFrame& fram
   change.scheduler().results().finish_frame(*job, key.frame, change.now());
 }
 
-void FrameFinisher::redo(const FrameKey& key, const std::vector<Unit>& units,
-                         bool reset_pass_targets) {
-  std::shared_ptr<const JobSpec> spec;
-  if (const FarmView view(farm_); const Job* job = view.find_job(key.job_id)) spec = job->spec;
+/// Drops units whose blocks are damaged, and has them rendered again.
+void FrameFinisher::redo(const FrameKey& key, const std::vector<Unit>& units) {
   const absl::Status status = store_.units().drop(key.job_id, units);
   if (!status.ok()) return fail(key, status);
+  forget(key, units, false);
+}
+
+void FrameFinisher::forget(const FrameKey& key, const std::vector<Unit>& units,
+                           bool reset_pass_targets) {
+  const std::shared_ptr<const JobSpec> spec = find_spec(key);
   if (spec != nullptr) budgets_.recount(*spec);  // they are no longer charged
   FarmChange change(farm_);
   Job* job = change.find_job(key.job_id);
   if (job == nullptr) return;
   JobFilm& film = change.film(*job);
-  film.finishing.erase(key.frame);
+  ++film.revision;
   for (const Unit& unit : units) {
     BlockIndex& blocks = film.open_block_index(*job);
     if (blocks.find(unit) == nullptr) continue;
@@ -295,10 +321,7 @@ void FrameFinisher::redo(const FrameKey& key, const std::vector<Unit>& units,
     film.committed_samples -= film.unit_samples(*job, unit);
   }
   if (reset_pass_targets) change.scheduler().results().reset_pass_targets(*job, key.frame);
-  tasks_.post(key, [this, key] {  // rebuilds the film without them
-    close(key);
-    open(key);
-  });
+  tasks_.post(key, [this, key] { open(key); });  // rebuilds the film without them
   change.scheduler().dispatcher().dispatch_all(change.now());
 }
 

@@ -29,6 +29,7 @@ struct FilmUpdate {
   std::string job_id;
   contract::Unit unit;
   std::optional<contract::FilmBlock> block;
+  std::int64_t revision = 0;  // of the job's film when it was committed
   /// Memory of the block, released when the update is destroyed. Owners: copies of the update.
   std::shared_ptr<void> memory;
 };
@@ -46,22 +47,21 @@ class FrameFinisher final : public EffectHandler {
 
   /// Merges a committed unit.
   void merge(FilmUpdate update);
-  /// Finishes a frame unless units or audits are missing.
+  /// Finishes a frame unless units or audits are missing or it contains units of a faulty worker.
   void finish_if_complete(FarmChange& change, Job& job, std::int32_t frame);
   /// Finishes frames that were completed while the job was not active, and opens the others.
   void catch_up(FarmChange& change, Job& job);
   /// Drops the film of the job's frames.
   void close_frames(const Job& job);
-  /// Opens a frame and passes its targets to the scheduler. Returns false if it was open already or
-  /// its job is gone. In a task of the frame.
+  /// Opens a frame, or opens it again if it is out of date, and passes its targets to the
+  /// scheduler. Returns false if there was nothing to do or its job is gone. In a task of the
+  /// frame.
   bool open(const FrameKey& key);
-  /// Keeps a frame from being finished until redo() or finish_if_complete().
-  static void hold(FarmChange& change, const Job& job, std::int32_t frame) {
-    change.film(job).finishing.insert(frame);
-  }
-  /// Drops units whose blocks are unreadable or wrong; workers render them again.
-  /// `reset_pass_targets`: also withdraws the pass targets derived from them. On the writer thread.
-  void redo(const FrameKey& key, const std::vector<contract::Unit>& units, bool reset_pass_targets);
+  /// Has workers render units again that were dropped from the store, because their blocks were
+  /// unreadable or wrong. `reset_pass_targets`: also withdraws the pass targets derived from them.
+  /// On the writer thread.
+  void forget(const FrameKey& key, const std::vector<contract::Unit>& units,
+              bool reset_pass_targets);
   void carry_out(FarmChange& change, const Effects& effects) override;
 
  private:
@@ -75,10 +75,12 @@ class FrameFinisher final : public EffectHandler {
   void estimate(const FrameKey& key);
   void close(const FrameKey& key);
   void finish(const FrameKey& key);
-  bool may_record(const FrameKey& key);
+  bool may_record(const FrameKey& key, std::int64_t revision);
+  void finish_again(const FrameKey& key);
   void tell_finished(const FrameKey& key, const std::string& owner);
   void note_finished(const FrameKey& key, const FinishedFrame& frame);
   bool redo_damaged(const FrameKey& key, const absl::Status& status);
+  void redo(const FrameKey& key, const std::vector<contract::Unit>& units);
   void fail(const FrameKey& key, const absl::Status& status);
 
   FarmState& farm_;

@@ -117,10 +117,24 @@ bool BlockIntake::answer_duplicate(FarmChange& change, Job& job, const std::stri
   } else {
     ++job.counters.mismatched;
     farm_.metrics().results_mismatched.Increment();
-    acknowledge(change, worker_id, header, AckStatus::rejected,
-                "result differs from the committed one");
+    answer_mismatch(worker_id, header);
   }
   return true;
+}
+
+/// Rejects a result that differs from the committed one, once it is durable that the unit is
+/// audited: without this, a server that is killed now would never find out which one is wrong.
+void BlockIntake::answer_mismatch(const std::string& worker_id, const BlockHeader& header) {
+  const auto mark = [this, header] {
+    if (farm_.options().policy.audit_fraction == 0) return absl::OkStatus();
+    return store_.units().set_audits(header.lease.job_id, {header.unit()}, AuditState::open);
+  };
+  pipeline_.post_write(mark, [this, worker_id, header](const absl::Status& status) {
+    if (!status.ok()) return;  // the worker sends it again
+    FarmChange change(farm_);
+    acknowledge(change, worker_id, header, AckStatus::rejected,
+                "result differs from the committed one");
+  });
 }
 
 // Delivery ---------------------------------------------------------------------------------------
@@ -238,7 +252,8 @@ void BlockIntake::check_group(Group& group) {
       commit.record.worker_id = block.worker_id;
       commit.record.cpu_seconds = header.cpu_seconds;
       commit.record.size_bytes = header.size_bytes;
-      if (change.scheduler().audits().wants_audit(*job, header.unit(), block.worker_id)) {
+      if (change.scheduler().audits().wants_audit(*job, header.unit(), block.worker_id,
+                                                  change.now())) {
         commit.record.audit = AuditState::open;
       }
       commit.block = std::move(block.bytes);
@@ -318,12 +333,12 @@ void BlockIntake::note_committed(FarmChange& change, Job& job, const UnitRecord&
   scheduler.results().commit(job, record.unit, record.worker_id, record.cpu_seconds);
   budgets_.charge(change, job, record.cpu_seconds);
   if (scheduler.quarantine().is_quarantined(record.worker_id)) {  // found faulty in the meantime
-    audits_.redo_frame(change, job, record.unit.frame, record.worker_id);
+    audits_.note_late_unit(change, job, record.unit.frame, record.worker_id);
   } else if (record.audit == AuditState::open) {
     scheduler.audits().open_audit(job, record.unit, record.worker_id, record.sha256);
   }
   acknowledge(change, block.worker_id, block.header, AckStatus::committed, "");
-  FilmUpdate update{job.spec->id, record.unit, std::nullopt, nullptr};
+  FilmUpdate update{job.spec->id, record.unit, std::nullopt, film.revision, nullptr};
   // If the film threads lag behind, they read the block back later; commits do not wait.
   if (budget_.used_bytes() < budget_.limit_bytes() / 2) {
     update.block = std::move(block.block);

@@ -111,6 +111,7 @@ class BlockIntake {
   void answer_obsolete(FarmChange& change, const std::string& worker_id, const BlockHeader& header);
   bool answer_duplicate(FarmChange& change, Job& job, const std::string& worker_id,
                         const BlockHeader& header);
+  void answer_mismatch(const std::string& worker_id, const BlockHeader& header);
   std::optional<Admission> check_header(FarmChange& change, const std::string& worker_id,
                                         const BlockHeader& header);
 

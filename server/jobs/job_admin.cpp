@@ -176,36 +176,52 @@ absl::StatusOr<JobView> JobAdmin::extend_now(const std::string& job_id,
   }
   const std::vector<contract::Pass> before = contract::schedule(present);
   const std::vector<contract::Pass> after = contract::schedule(spec->settings);
-  std::vector<Unit> dropped;
-  std::vector<UnitRecord> kept;
-  absl::Status status = store_.units().for_each(job_id, [&](const UnitRecord& unit) {
-    const auto pass = static_cast<std::size_t>(unit.unit.pass);
-    if (pass < before.size() && pass < after.size() && before[pass] == after[pass]) {
-      kept.push_back(unit);
-    } else {
-      dropped.push_back(unit.unit);
-    }
-  });
+  // Those of faulty workers may be in finished frames, which are finished again now.
+  std::vector<Unit> dropped, faulty;
+  std::vector<UnitRecord> units, kept;
+  absl::Status status =
+      store_.units().for_each(job_id, [&](const UnitRecord& unit) { units.push_back(unit); });
   if (!status.ok()) return status;
+  {
+    const FarmView view(farm_);
+    const Quarantine& quarantine = view.scheduler().quarantine();
+    for (const UnitRecord& unit : units) {
+      const auto pass = static_cast<std::size_t>(unit.unit.pass);
+      const bool is_same =
+          pass < before.size() && pass < after.size() && before[pass] == after[pass];
+      const bool is_faulty = quarantine.is_quarantined(unit.worker_id);
+      if (is_same && !is_faulty) {
+        kept.push_back(unit);
+      } else {
+        dropped.push_back(unit.unit);
+      }
+      if (is_same && is_faulty) faulty.push_back(unit.unit);
+    }
+  }
   spec->request = record.request = farm_.options().write_request(*spec);
   status = store_.jobs().rewrite(record, dropped);
   if (!status.ok()) return status;
-  return replan(job_id, spec, kept);
+  return replan(job_id, spec, kept, faulty);
 }
 
-/// Restarts a job with new settings, keeping the units that remain valid.
+/// Restarts a job with new settings, keeping the units that remain valid. `redone`: units of the
+/// same passes that do not.
 JobView JobAdmin::replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
-                         const std::vector<UnitRecord>& kept) {
+                         const std::vector<UnitRecord>& kept, const std::vector<Unit>& redone) {
   FarmChange change(farm_);
   Job& job = *change.find_job(job_id);  // only this thread removes jobs
   JobFilm& film = change.film(job);
   change.scheduler().changes().extend(job, spec);
   change.note_demand(job);
   film.reset();
+  for (const Unit& unit : redone) change.scheduler().results().redo(job, unit);
   for (const UnitRecord& record : kept) {
     change.scheduler().results().restore_unit(job, record.unit, record.worker_id,
                                               record.cpu_seconds);
     film.open_block_index(job).add(record, job.wall_seconds(change.now()));
+    if (record.audit == AuditState::open) {
+      change.scheduler().audits().open_audit(job, record.unit, record.worker_id, record.sha256);
+    }
     film.committed_samples += film.unit_samples(job, record.unit);
   }
   film.samples_at_start = film.committed_samples;

@@ -77,7 +77,7 @@ class JobAdmin {
                                                           const Extension& extension) const;
   absl::StatusOr<JobView> extend_now(const std::string& job_id, const Extension& extension);
   JobView replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
-                 const std::vector<UnitRecord>& kept);
+                 const std::vector<UnitRecord>& kept, const std::vector<contract::Unit>& redone);
   absl::StatusOr<JobView> update_now(const std::string& job_id, const Update& update);
   absl::Status remove_now(const std::string& job_id);
   void expire_jobs(FarmChange& change);

@@ -43,6 +43,7 @@ void JobFilm::count_finished(const FrameRecord& record, const FrameSummary& summ
 }
 
 void JobFilm::reset() {
+  ++revision;
   block_index.reset();
   finished.clear();
   expected_samples.clear();

@@ -23,6 +23,10 @@ struct JobFilm {
   std::optional<BlockIndex> block_index;
   std::map<std::int32_t, FrameRecord> finished;  // without their statistics, which the store has
   std::set<std::int32_t> finishing;              // complete, image being written
+  std::set<std::int32_t> suspect;  // may contain units of a faulty worker, which are dropped first
+  /// Changes when committed units are dropped or the plan is replaced; films of frames that were
+  /// opened before are then out of date.
+  std::int64_t revision = 0;
   std::int64_t committed_samples = 0;
   std::int64_t samples_at_start = 0;  // committed before this process started
   // With a target error: samples of finished frames, and predictions for the others.

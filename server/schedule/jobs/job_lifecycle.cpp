@@ -68,7 +68,7 @@ void JobLifecycle::end_job(Job& job, JobState state, const std::string& reason, 
       outgoing_.revoke(*worker, job, unit);
     }
   }
-  leases_.drop_audits(job);
+  leases_.suspend_audits(job);  // retry() goes on with them
   for (const WorkerKey key : job.ever_leased_to) {
     Worker* worker = workers_.find(key);
     if (worker == nullptr) continue;

@@ -15,13 +15,17 @@ constexpr int kAuditChecksPerTick = 64;  // audits checked per tick for having n
 
 }  // namespace
 
-bool Audits::wants_audit(const Job& job, const Unit& unit, const std::string& worker_id) {
-  Worker* worker = workers_.find(worker_id);
-  const bool is_first = worker != nullptr && !std::exchange(worker->has_delivered, true);
+bool Audits::wants_audit(const Job& job, const Unit& unit, const std::string& worker_id, Time now) {
   const double fraction = policy_.audit_fraction;
-  const bool is_drawn = (is_first && fraction > 0) ||
-                        is_drawn_for_audit(identity_.store_key, job.spec->id, unit, fraction);
-  return is_drawn && witnesses_.has_witness_beyond(job, {workers_.witness_of(worker_id)});
+  if (fraction == 0) return false;
+  // Workers that are not back yet after a restart of the server may be such others.
+  if (!absences_.is_grace(now) &&
+      !witnesses_.has_witness_beyond(job, {workers_.witness_of(worker_id)})) {
+    return false;
+  }
+  Worker* worker = workers_.find(worker_id);
+  const bool is_first = worker != nullptr && !std::exchange(worker->has_been_audited, true);
+  return is_first || is_drawn_for_audit(identity_.store_key, job.spec->id, unit, fraction);
 }
 
 void Audits::open_audit(Job& job, const Unit& unit, const std::string& worker_id,
@@ -86,21 +90,25 @@ void Audits::fail_unresolvable_audits(Time now) {
 
 /// Ends an audit whose outcome is known or that no worker can settle.
 void Audits::end_audit(Job& job, const Unit& unit, Time now) {
-  auto node = job.audits.extract(unit);
-  Audit& audit = node.mapped();
+  const auto found = job.audits.find(unit);
+  Audit& audit = found->second;
   audit_table_.stop_waiting(job, unit, audit);
   leases_.take_from_holder(job, unit, audit);
-  if (audit.is_settled()) {
-    ++job.counters.audited;
-    for (const std::string& faulty : audit.faulty_workers()) quarantine(faulty);
-  } else if (audit.is_disputed()) {
-    lifecycle_.fail_job(
+  audit.holder.reset();
+  if (audit.is_disputed() && !audit.is_settled()) {
+    audit.restart();  // it stays open for a retry of the job
+    return lifecycle_.fail_job(
         job,
         absl::DataLossError(absl::StrCat("job ", job.spec->id, ", frame ", unit.frame, ", tile ",
                                          unit.tile, ", pass ", unit.pass,
                                          ": workers disagree on this unit's pixels and no ",
                                          "other worker is available to decide")),
         now);
+  }
+  auto node = job.audits.extract(found);
+  if (audit.is_settled()) {
+    ++job.counters.audited;
+    for (const std::string& faulty : audit.faulty_workers()) quarantine(faulty);
   }
   outgoing_.effects().audited.push_back({job.spec->id, unit});
 }
@@ -137,7 +145,8 @@ std::vector<AuditQueue::Key> Audits::unresolvable(const std::set<AuditQueue::Key
     }
     // Workers that could decide may return soon.
     if (!audit.alone_since) audit.alone_since = now;
-    if (!audit.is_disputed() || now - *audit.alone_since >= policy_.audit_timeout) {
+    const Duration patience = audit.is_disputed() ? policy_.audit_timeout : policy_.restart_grace;
+    if (now - *audit.alone_since >= patience) {
       found.emplace_back(key, unit);
     }
   }

@@ -37,9 +37,10 @@ class Audits {
     std::string worker_id;
     contract::Digest digest;
   };
-  /// Returns whether a unit that this worker delivered must be audited: it is the worker's first
-  /// unit or drawn, and there is another worker.
-  bool wants_audit(const Job& job, const contract::Unit& unit, const std::string& worker_id);
+  /// Returns whether a unit that this worker delivered must be audited: there is another worker, or
+  /// one may be back soon after a restart, and the unit is drawn or the worker's first since then.
+  bool wants_audit(const Job& job, const contract::Unit& unit, const std::string& worker_id,
+                   Time now);
   /// Has others render a committed unit again. Idempotent.
   void open_audit(Job& job, const contract::Unit& unit, const std::string& worker_id,
                   const contract::Digest& committed);

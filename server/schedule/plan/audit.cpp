@@ -59,6 +59,11 @@ void Audit::disregard(const std::string& witness) {
   std::erase_if(answers_, [&](const Answers& answers) { return answers.witness == witness; });
 }
 
+void Audit::restart() {
+  answers_.resize(1, answers_.front());
+  answers_.front().digests.resize(1);
+}
+
 bool Audit::is_disputed() const {
   const contract::Digest& first = answers_.front().digests.front();
   return std::any_of(answers_.begin(), answers_.end(), [&](const Answers& answers) {

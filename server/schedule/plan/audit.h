@@ -46,6 +46,9 @@ class Audit {
   /// rendered again.
   void disregard(const std::string& witness);
 
+  /// Forgets all results but the committed one.
+  void restart();
+
   /// Returns whether results differ.
   bool is_disputed() const;
   /// Returns whether the correct result is known: two workers agree, or all but one contradict

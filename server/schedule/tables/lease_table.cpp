@@ -74,11 +74,16 @@ void LeaseTable::take_from_holder(Job& job, const Unit& unit, const Audit& audit
   outgoing_.revoke(*worker, job, unit);
 }
 
-void LeaseTable::drop_audits(Job& job) {
+void LeaseTable::suspend_audits(Job& job) {
   for (auto& [unit, audit] : job.audits) {
     audits_.stop_waiting(job, unit, audit);
     take_from_holder(job, unit, audit);
+    audit.holder.reset();
   }
+}
+
+void LeaseTable::drop_audits(Job& job) {
+  suspend_audits(job);
   job.audits.clear();
 }
 

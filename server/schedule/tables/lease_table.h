@@ -34,6 +34,8 @@ class LeaseTable {
   bool release_audit(Job& job, Worker& worker, const contract::Unit& unit);
   /// Revokes the unit of an audit that is leased to a worker.
   void take_from_holder(Job& job, const contract::Unit& unit, const Audit& audit);
+  /// Revokes the units of all audits of the job, which stay open.
+  void suspend_audits(Job& job);
   /// Ends all audits of the job without an outcome.
   void drop_audits(Job& job);
 

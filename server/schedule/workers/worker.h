@@ -91,7 +91,7 @@ struct Worker {
   std::string note;          // why; may be empty
   std::optional<Time> quarantined_until = {};  // it is quarantined for a time: it failed units of
                                                // several jobs and delivered none in between
-  bool has_delivered = false;                  // its first unit is always audited
+  bool has_been_audited = false;               // its first unit is, if there is another worker
   Time last_contact;                           // when its last message arrived
   std::int32_t credits = 0;
   std::set<std::pair<JobKey, contract::Unit>> leased_units;

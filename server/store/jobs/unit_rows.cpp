@@ -246,17 +246,16 @@ absl::Status UnitRows::delete_units(Database& rows, std::int64_t job,
   return absl::OkStatus();
 }
 
-absl::Status UnitRows::end_audits(const std::string& job_id,
-                                  const std::vector<contract::Unit>& units) {
+absl::Status UnitRows::set_audits(const std::string& job_id,
+                                  const std::vector<contract::Unit>& units, AuditState state) {
   const auto job = find_job(journal_, job_id);
   if (!job.ok()) return job.status();
   return journal_.write([&](Database& rows) {
     for (const contract::Unit& unit : units) {
-      absl::Status ended =
-          rows.run("UPDATE units SET audit=? WHERE job=? AND frame=? AND tile=? AND pass=?",
-                   {static_cast<std::int64_t>(AuditState::ended), job->sequence, unit.frame,
-                    unit.tile, unit.pass});
-      if (!ended.ok()) return ended;
+      absl::Status set = rows.run(
+          "UPDATE units SET audit=? WHERE job=? AND frame=? AND tile=? AND pass=?",
+          {static_cast<std::int64_t>(state), job->sequence, unit.frame, unit.tile, unit.pass});
+      if (!set.ok()) return set;
     }
     return absl::OkStatus();
   });

@@ -34,8 +34,8 @@ class UnitRows final : public UnitStore {
 
   absl::Status commit(std::vector<Commit>& group) override;
   absl::Status drop(const std::string& job_id, const std::vector<contract::Unit>& units) override;
-  absl::Status end_audits(const std::string& job_id,
-                          const std::vector<contract::Unit>& units) override;
+  absl::Status set_audits(const std::string& job_id, const std::vector<contract::Unit>& units,
+                          AuditState state) override;
   absl::Status close_job(const std::string& job_id) override;
   absl::Status for_each(const std::string& job_id,
                         const std::function<void(const UnitRecord&)>& visit) const override;

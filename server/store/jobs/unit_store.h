@@ -53,9 +53,10 @@ class UnitStore {
   /// Removes committed units, to be rendered again, with their charge; durable on return.
   virtual absl::Status drop(const std::string& job_id,
                             const std::vector<contract::Unit>& units) = 0;
-  /// Records that the audits of these units have ended; durable on return.
-  virtual absl::Status end_audits(const std::string& job_id,
-                                  const std::vector<contract::Unit>& units) = 0;
+  /// Records the state of these units' audits; durable on return. Units that are not committed are
+  /// left out.
+  virtual absl::Status set_audits(const std::string& job_id,
+                                  const std::vector<contract::Unit>& units, AuditState state) = 0;
   /// Closes a job whose frames are all finished: deletes its segments and replaces the rows of its
   /// units by sums per worker, so that the journal grows with jobs and not with units. Idempotent;
   /// units committed later start new segments. Errors: NotFound.

@@ -72,12 +72,12 @@ class MemoryUnits final : public UnitStore {
     return absl::OkStatus();
   }
 
-  absl::Status end_audits(const std::string& job_id,
-                          const std::vector<contract::Unit>& units) override {
+  absl::Status set_audits(const std::string& job_id, const std::vector<contract::Unit>& units,
+                          AuditState state) override {
     const std::lock_guard lock(rows_.mutex);
     for (const contract::Unit& unit : units) {
       const auto found = rows_.units[job_id].find(unit);
-      if (found != rows_.units[job_id].end()) found->second.first.audit = AuditState::ended;
+      if (found != rows_.units[job_id].end()) found->second.first.audit = state;
     }
     return absl::OkStatus();
   }

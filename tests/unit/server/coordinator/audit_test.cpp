@@ -42,12 +42,16 @@ class AuditTest : public CoordinatorFixture {
   void run_workers(const std::string& job_id) {
     for (int round = 0; round < 200 && !has_ended(view(job_id).state); ++round) {
       deliver_leased_units();
-      for (TestWorker& worker : workers_) coordinator->workers().grant_credits(worker.session, 4);
-      now += std::chrono::milliseconds(100);
-      for (TestWorker& worker : workers_) coordinator->workers().record_contact(worker.session);
-      coordinator->tick();
+      keep_workers();
       pump();
     }
+  }
+
+  void keep_workers() {
+    for (TestWorker& worker : workers_) coordinator->workers().grant_credits(worker.session, 4);
+    now += std::chrono::milliseconds(100);
+    for (TestWorker& worker : workers_) coordinator->workers().record_contact(worker.session);
+    coordinator->tick();
   }
 
   /// Pixels of a job rendered by one correct worker without audits.
@@ -197,6 +201,122 @@ TEST_F(AuditTest, OpenAuditSurvivesRestart) {
   run_workers(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(audited(job), 6);
+}
+
+TEST_F(AuditTest, AuditsOfCancelledJobGoOnAfterRetry) {
+  const std::string job = create_job("a");
+  add("w1");
+  add("w2");
+  deliver_leased_units();
+  ASSERT_EQ(view(job).committed_unit_count, 6);
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
+  ASSERT_TRUE(change(job, JobAdmin::Change::retry).ok());
+  EXPECT_EQ(view(job).state, JobState::running) << "its audits are still open";
+  run_workers(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(audited(job), 6);
+}
+
+TEST_F(AuditTest, DisputeIsSettledAfterRetry) {
+  const std::string truth = correct_pixels(spec_of("a"));
+  const std::string job = create_job("a");
+  add("w1");
+  add("faulty", always);
+  for (int again = 0; again < 4; ++again) run_workers(job);
+  ASSERT_EQ(view(job).state, JobState::failed) << "nobody can settle it";
+  add("w3");
+  ASSERT_TRUE(change(job, JobAdmin::Change::retry).ok());
+  run_workers(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(pixels_of(job), truth);
+  EXPECT_TRUE(is_quarantined("faulty"));
+}
+
+TEST_F(AuditTest, UnitIsAuditedBeforeOthersAreBackAfterRestart) {
+  const std::string job = create_job("a");
+  add("w1");
+  add("w2");
+  const std::vector<Leased> units = workers_[0].units;
+  ASSERT_EQ(units.size(), 6u);
+  pump();  // writes the roster
+  workers_.clear();
+  is_wrong_.clear();
+  start();
+  add("w1");
+  for (const Leased& unit : units) deliver(workers_[0], unit, bytes_of(unit));
+  pump();
+  EXPECT_EQ(view(job).committed_unit_count, 6);
+  EXPECT_EQ(view(job).state, JobState::running) << "w2 may be back soon";
+  add("w2");
+  run_workers(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(audited(job), 6);
+}
+
+TEST_F(AuditTest, DisputeIsDurableBeforeResultIsRejected) {
+  options.policy.audit_fraction = 1e-9;
+  start();
+  const std::string job = create_job("a");
+  add("w1");
+  deliver(workers_[0], workers_[0].units[0], bytes_of(workers_[0].units[0]));
+  pump();
+  collect(workers_[0]);
+  workers_[0].acknowledgements.clear();
+  std::string other = bytes_of(workers_[0].units[0]);
+  other[2] = static_cast<char>(other[2] ^ 0x20);
+  store.controls().fail_transactions_with(absl::ResourceExhaustedError("disk full"));
+  deliver(workers_[0], workers_[0].units[0], other);
+  pump();
+  collect(workers_[0]);
+  EXPECT_TRUE(workers_[0].acknowledgements.empty());
+  store.controls().fail_transactions_with(absl::OkStatus());
+  deliver(workers_[0], workers_[0].units[0], other);
+  pump();
+  collect(workers_[0]);
+  ASSERT_EQ(workers_[0].acknowledgements.size(), 1u);
+  EXPECT_EQ(workers_[0].acknowledgements[0].status, AckStatus::rejected);
+  int open = 0;
+  ASSERT_TRUE(
+      store.units()
+          .for_each(job,
+                    [&](const UnitRecord& unit) { open += unit.audit == AuditState::open ? 1 : 0; })
+          .ok());
+  EXPECT_EQ(open, 1);
+}
+
+TEST_F(AuditTest, VerdictWaitsForFullDisk) {
+  const std::string truth = correct_pixels(spec_of("a"));
+  const std::string job = create_job("a");
+  add("faulty", always);
+  add("w2");
+  add("w3");
+  const auto fill = [&](bool is_full) {
+    store.controls().fail_transactions_with(is_full ? absl::ResourceExhaustedError("disk full")
+                                                    : absl::OkStatus());
+  };
+  for (int round = 0; round < 200 && !is_quarantined("faulty"); ++round) {
+    for (std::size_t i = 0; i < workers_.size(); ++i) {
+      collect(workers_[i]);
+      for (const Leased& unit : std::exchange(workers_[i].units, {})) {
+        std::string bytes = bytes_of(unit);
+        if (i == 0) bytes[2] = static_cast<char>(bytes[2] ^ 0x20);
+        deliver(workers_[i], unit, bytes);
+      }
+      while (!is_quarantined("faulty") && write_round()) {
+      }
+    }
+    keep_workers();
+  }
+  ASSERT_TRUE(is_quarantined("faulty"));
+  fill(true);
+  pump();
+  EXPECT_TRUE(store.workers().banned_workers()->empty());
+  EXPECT_EQ(view(job).state, JobState::paused);
+  fill(false);
+  run_workers(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(pixels_of(job), truth);
+  EXPECT_FALSE(store.workers().banned_workers()->empty());
 }
 
 TEST_F(AuditTest, FirstUnitOfWorkerIsAlwaysAudited) {

@@ -99,6 +99,8 @@ TEST_F(CoordinatorTest, PendingBlocksFormOneJournalGroup) {
 }
 
 TEST_F(CoordinatorTest, PixelsAreDeliveryIndependent) {
+  options.policy.audit_fraction = 0;
+  start();
   const std::string alone = create_job("a", 64);
   auto worker = join("w1");
   finish_job(worker, alone);

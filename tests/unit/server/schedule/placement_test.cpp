@@ -111,7 +111,7 @@ TEST(BlockedWorker, IsNoWitnessForItsJob) {
   farm.fail(one, unit);
   EXPECT_TRUE(farm.leased(two).empty());
   EXPECT_EQ(farm.leased(one), std::vector<UnitName>{unit}) << "there is nobody else to ask";
-  EXPECT_FALSE(farm.scheduler.audits().wants_audit(job, unit.unit, "w1"));
+  EXPECT_FALSE(farm.scheduler.audits().wants_audit(job, unit.unit, "w1", farm.now));
 }
 
 TEST(BlockedWorker, AuditGoesToAnother) {
@@ -124,6 +124,8 @@ TEST(BlockedWorker, AuditGoesToAnother) {
   farm.commit(one, unit);
   farm.scheduler.audits().open_audit(job, unit.unit, "w1", contract::sha256("x"));
   farm.pass(200ms, {one, two});
+  EXPECT_TRUE(farm.scheduler.audits().has_audits(job, 0)) << "another worker may come";
+  farm.pass(5s, {one, two});
   EXPECT_TRUE(farm.leased(two).empty());
   EXPECT_FALSE(farm.scheduler.audits().has_audits(job, 0)) << "nobody may answer it";
 }

@@ -209,7 +209,7 @@ TEST(Witness, CertificateCannotConfirmItsOwnResult) {
       farm.connect("faulty", {.threads = 1, .credits = 1, .certificate = "one"});
   const auto unit = farm.leased(faulty).at(0);
   const WorkerKey twin = farm.connect("twin", {.threads = 1, .credits = 1, .certificate = "one"});
-  EXPECT_FALSE(farm.scheduler.audits().wants_audit(job, unit.unit, "faulty"))
+  EXPECT_FALSE(farm.scheduler.audits().wants_audit(job, unit.unit, "faulty", farm.now))
       << "nobody else could decide";
   const WorkerKey honest = farm.connect("honest", {.threads = 1, .credits = 1});
   farm.commit(faulty, unit);

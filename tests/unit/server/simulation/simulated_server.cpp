@@ -44,9 +44,10 @@ DiskModel disk_of(const DiskImage& image) {
 }  // namespace
 
 SimulatedServer::SimulatedServer(std::uint64_t seed)
-    : dice_(seed), now_(Time{} + std::chrono::hours(100)) {
-  for (int i = 0; i < kWorkers; ++i) {
+    : dice_(seed), now_(Time{} + std::chrono::hours(100)), is_audited_(dice_.one_in(2)) {
+  for (int i = 0; i < kWorkers + (is_audited_ ? 1 : 0); ++i) {
     computers_.emplace_back().id = absl::StrCat("w", i);
+    computers_.back().is_faulty = i == kWorkers;
     computers_.back().threads = 1 + dice_.below(3);
     computers_.back().credits = computers_.back().threads + dice_.below(5);
   }
@@ -86,7 +87,7 @@ absl::Status SimulatedServer::start() {
   if (!store.ok()) return store.status();
   store_ = *std::move(store);
   FarmOptions options;
-  options.policy.audit_fraction = 0;
+  options.policy.audit_fraction = is_audited_ ? 1 : 0;
   options.policy.loss_limit = 1000;
   options.clock = [this] { return now_; };
   options.wall_us = store_options.now_us;
@@ -207,6 +208,9 @@ std::string SimulatedServer::run() {
 }
 
 std::string SimulatedServer::check_end() {
+  for (const auto& [worker, silence] : coordinator_->workers().list()) {
+    events_.quarantines += worker.quarantined ? 1 : 0;
+  }
   if (!is_over()) {
     for (auto& [request_id, job] : jobs_) {
       const auto view = coordinator_->queries().job(job.id);

@@ -24,19 +24,22 @@ namespace tessera::server {
 /// The server is killed, and loses power between two disk operations; then data that was not synced
 /// is missing, torn or zero. The disk is full at times. The wall clock jumps. Workers crash, lose
 /// their streams, and send blocks late, twice or not at all. Clients create, pause, resume, cancel,
-/// retry, extend and remove jobs, lose answers and repeat requests.
+/// retry, extend and remove jobs, lose answers and repeat requests. In every second simulation all
+/// units are audited, and one worker more delivers wrong pixels in every third block.
 ///
 /// run() checks after each step that what was acknowledged to a client or worker still holds: jobs
 /// exist once, in the state and with the sample count that their client was told; no committed unit
-/// is leased again. At the end every job is done, with its units and their CPU time counted once
-/// and the pixels of an undisturbed run.
+/// is leased again, except for an audit. At the end every job is done, with its units and their CPU
+/// time counted once and the pixels of an undisturbed run, but for the few frames that no other
+/// worker could audit, of which the report says so.
 class SimulatedServer {
  public:
   /// Counts of events and faults, so that a test can see that faults take place.
   struct Events {
     int crashes = 0, power_cuts = 0, full_disks = 0, refused_writes = 0, worker_crashes = 0,
         broken_streams = 0, lost_blocks = 0, repeated_blocks = 0, lost_answers = 0, pauses = 0,
-        cancels = 0, retries = 0, extensions = 0, removals = 0, commits = 0;
+        cancels = 0, retries = 0, extensions = 0, removals = 0, commits = 0, wrong_blocks = 0,
+        quarantines = 0, doubted_frames = 0;
   };
 
   explicit SimulatedServer(std::uint64_t seed);
@@ -72,7 +75,7 @@ class SimulatedServer {
   };
   struct Computer {
     std::string id;
-    bool is_up = false, is_connected = false;
+    bool is_up = false, is_connected = false, is_faulty = false;
     int threads = 1, credits = 0;
     Session session;
     std::shared_ptr<Link> link;  // owners: the coordinator and the worker
@@ -111,6 +114,7 @@ class SimulatedServer {
   void finish_requests();
   bool is_over() const;
   void check_job(ClientJob& job);
+  bool is_doubted(const std::string& job_id, int frame);
   std::string check_done(ClientJob& job);
   std::vector<std::string> pixels_of(const std::string& job_id);
 
@@ -130,6 +134,7 @@ class SimulatedServer {
   std::unique_ptr<Store> store_;
   std::unique_ptr<Coordinator> coordinator_;
   Time now_{};
+  const bool is_audited_;
   bool uses_rows_ = false;  // for small blocks, images and assets
   std::int64_t wall_offset_us_ = 0;
   std::vector<Answer> answers_;

@@ -33,20 +33,24 @@ TEST(ServerSimulation, InvariantsHoldForAllSeeds) {
       &SimulatedServer::Events::lost_answers,   &SimulatedServer::Events::pauses,
       &SimulatedServer::Events::cancels,        &SimulatedServer::Events::retries,
       &SimulatedServer::Events::extensions,     &SimulatedServer::Events::removals,
-      &SimulatedServer::Events::commits};
+      &SimulatedServer::Events::commits,        &SimulatedServer::Events::wrong_blocks,
+      &SimulatedServer::Events::quarantines};
   for (int seed = first; seed < first + count; ++seed) {
     SimulatedServer server(static_cast<std::uint64_t>(seed));
     ASSERT_EQ(server.run(), "") << "seed " << seed;
     for (const auto field : kCounts) sum.*field += server.events().*field;
+    sum.doubted_frames += server.events().doubted_frames;
   }
   std::printf(
       "seeds %d to %d: %d crashes, %d power cuts, %d times full, %d refused writes, "
       "%d worker crashes, %d broken streams, %d lost and %d repeated blocks, %d lost answers, "
-      "%d pauses, %d cancels, %d retries, %d extensions, %d removals, %d commits\n",
+      "%d pauses, %d cancels, %d retries, %d extensions, %d removals, %d commits, "
+      "%d wrong blocks, %d quarantines, %d doubted frames\n",
       first, first + count - 1, sum.crashes, sum.power_cuts, sum.full_disks, sum.refused_writes,
       sum.worker_crashes, sum.broken_streams, sum.lost_blocks, sum.repeated_blocks,
       sum.lost_answers, sum.pauses, sum.cancels, sum.retries, sum.extensions, sum.removals,
-      sum.commits);
+      sum.commits, sum.wrong_blocks, sum.quarantines, sum.doubted_frames);
+  EXPECT_LE(sum.doubted_frames, 1 + sum.quarantines / 20) << "nearly all frames are audited";
   if (count < kSeeds) return;
   for (const auto field : kCounts) EXPECT_GT(sum.*field, 0) << "every kind of fault takes place";
 }

@@ -277,7 +277,8 @@ TEST_F(StoreTest, ClosingJobTotalsUnitsByWorker) {
     group.back().record.audit = AuditState::open;
   }
   ASSERT_TRUE(store().units().commit(group).ok());
-  ASSERT_TRUE(store().units().end_audits("a", {{0, 0, 0}, {0, 2, 0}, {0, 4, 0}}).ok());
+  ASSERT_TRUE(
+      store().units().set_audits("a", {{0, 0, 0}, {0, 2, 0}, {0, 4, 0}}, AuditState::ended).ok());
   for (int times = 0; times < 2; ++times) {
     ASSERT_TRUE(store().units().close_job("a").ok());
     if (times == 1) open();

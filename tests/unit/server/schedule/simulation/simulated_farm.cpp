@@ -297,7 +297,7 @@ void SimulatedFarm::deliver(const std::string& worker_id, const Task& task) {
     }
     acknowledge(worker_id, task.name, AckStatus::obsolete);
   } else if (!answer_duplicate(*job, write)) {
-    write.has_audit = scheduler_->audits().wants_audit(*job, task.name.unit, worker_id);
+    write.has_audit = scheduler_->audits().wants_audit(*job, task.name.unit, worker_id, now_);
     write.durable = now_ + std::chrono::milliseconds(dice_.below(1500));
     writes_.push_back(write);
   }
