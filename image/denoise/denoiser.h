@@ -17,7 +17,7 @@ constexpr std::int32_t kDenoiseBand = 64;
 /// Side of the tiles whose errors are summed; tiles are aligned to the frame's top left.
 constexpr std::int32_t kDenoiseTile = 128;
 /// Pixels around a denoised one on which its value depends.
-constexpr std::int32_t kDenoiseMargin = 28;
+constexpr std::int32_t kDenoiseMargin = 32;
 
 /// Denoised rows: R, G, B, row by row from the top, in the frame's unit.
 struct DenoisedRows {

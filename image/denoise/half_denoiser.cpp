@@ -90,7 +90,7 @@ HalfDenoiser::HalfDenoiser(std::size_t index, const DenoiseFrame& frame, const P
       fused_cells_(cells_.width(), 0) {
   const Rows rows(window.width + 2 * kDenoiseMargin,
                   std::max(window.y - kCandidateStage.reach, -kCandidateStage.beyond));
-  means_.assign(3 * ((animation != nullptr ? kFusedCandidates : kCandidates) - 1), rows);
+  means_.assign(3 * (animation != nullptr ? kFusedCandidates : kCandidates), rows);
 }
 
 std::int32_t HalfDenoiser::stage_end(const FilterStage& stage, std::int32_t end) const {
@@ -119,6 +119,7 @@ void HalfDenoiser::add_candidates(const FrameInput& input, const PixelRect& part
   const GuideRows& rows = animation_ == nullptr ? guide_ : animation_->frame.guides[index_];
   const Guide guide = rows.cut(bordered);
   const Candidates candidates = filter_candidates(half, guide);
+  put_means(half.streams, half, 0, part);
   put_means(candidates.zero_order, half, 1, part);
   put_means(candidates.first_order, half, 2, part);
   if (animation_ == nullptr) {
@@ -151,7 +152,7 @@ void HalfDenoiser::put_means(const StreamPair& pair, const Half& half, std::size
                              const PixelRect& part) {
   for (std::size_t c = 0; c < 3; ++c) {
     const float *a = pair.a[c].data(), *b = pair.b[c].data();
-    Rows& rows = means_[3 * (candidate - 1) + c];
+    Rows& rows = means_[3 * candidate + c];
     for (std::int32_t row = 0; row < part.height; ++row) {
       std::size_t i = half.inside(row);
       float* to = rows.row(part.y + row) + (part.x - left_);
@@ -185,7 +186,7 @@ BlendedHalf HalfDenoiser::blend(const FrameInput& input, const PixelRect& part) 
 template <std::size_t kCount>
 BlendedHalf HalfDenoiser::blend_cells(const FrameInput& input, const PixelRect& part,
                                       const CellRows<kCount>& cells) const {
-  constexpr std::size_t kMeans = 3 * (kCount - 1);
+  constexpr std::size_t kMeans = 3 * kCount;
   const PixelRect area = enlarged(part, kBlurMargin);
   const std::int32_t x0 = area.x - window_.x, y0 = area.y - window_.y;
   const ChosenShares<kCount> chosen(cells, {x0, y0, area.width, area.height});
@@ -201,13 +202,14 @@ BlendedHalf HalfDenoiser::blend_cells(const FrameInput& input, const PixelRect& 
       means[k] = means_[k].row(area.y + row) + (area.x - left_);
     for (std::int32_t column = 0; column < area.width; ++column, ++i) {
       const auto [shares, is_raw] = chosen.at(x0 + column, y0 + row);
-      half.is_raw.push_back(is_raw ? 1 : 0);
+      bool has_spike = false;
       for (std::size_t c = 0; c < 3; ++c) {
         float sum = 0;
-        sum += shares[0] * (0.5f * (half.raw.a[c][i] + half.raw.b[c][i]));
-        for (std::size_t k = 1; k < kCount; ++k) sum += shares[k] * means[3 * (k - 1) + c][column];
+        for (std::size_t k = 0; k < kCount; ++k) sum += shares[k] * means[3 * k + c][column];
         half.colour[c][i] = sum;
+        has_spike = has_spike || means[c][column] != 0.5f * (half.raw.a[c][i] + half.raw.b[c][i]);
       }
+      half.is_raw.push_back(is_raw && !has_spike ? 1 : 0);
     }
   }
   for (std::int32_t y = kReach; y < part.height + kReach; y += kDenoiseCell) {

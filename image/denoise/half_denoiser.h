@@ -9,6 +9,7 @@
 #include "image/denoise/filter/candidate_choice.h"
 #include "image/denoise/filter/half_filter.h"
 #include "image/denoise/filter/rolling_rows.h"
+#include "image/denoise/filter/spike_limit.h"
 #include "image/denoise/frames/frame_fusion.h"
 #include "image/denoise/frames/frame_input.h"
 #include "image/denoise/frames/guide_rows.h"
@@ -29,7 +30,7 @@ struct FilterStage {
 constexpr FilterStage kCandidateStage{(kPooledCells + 1) * kDenoiseCell, kBlurMargin};
 /// The first filter: windows end at the frame; patches and noise reach 1 + 2 pixels further.
 constexpr FilterStage kGuideStage{kCandidateStage.reach + kHalfMargin, kCandidateStage.beyond + 3};
-static_assert(kGuideStage.reach + kHalfMargin == kDenoiseMargin);
+static_assert(kGuideStage.reach + kHalfMargin + kSpikeMargin == kDenoiseMargin);
 static_assert(kGuideStage.beyond == kGuideBeyond);
 
 /// A denoised half in a part of the window with kBlurMargin pixels on each side.
@@ -86,7 +87,7 @@ class HalfDenoiser {
   const AnimationInput* const animation_;
   const std::int32_t left_;                 // x of the first pixel of the rows below
   GuideRows guide_;                         // unused with animation_
-  std::vector<RollingRows<float>> means_;   // of both streams: R, G, B of all candidates but raw
+  std::vector<RollingRows<float>> means_;   // of both streams: R, G, B of the candidates
   CellRows<kCandidates> cells_;             // unused with animation_
   CellRows<kFusedCandidates> fused_cells_;  // unused without
 };

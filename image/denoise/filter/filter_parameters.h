@@ -10,6 +10,7 @@ struct FilterParameters {
   static constexpr float kGuideTolerance = 1e-4f, kFilterTolerance = 1e-3f;  // of squared colour
   static constexpr float kMinSquare = 1e-9f;
   static constexpr float kAlbedoSquare = 0.01f, kNormalSquare = 0.05f, kDepthSquare = 0.01f;
+  static constexpr float kSpikeFactor = 2, kMaxSpikes = 2;  // spike_limit.h
   /// Scales of the regression's features: 1/√0.1 for albedo and hits, 1/√0.3 for normals, and
   /// 1/(0.2 z) for depth.
   static constexpr float kAlbedoScale = 3.1622777f, kNormalScale = 1.8257419f, kDepthScale = 5;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "image/denoise/filter/spike_limit.h"
+
 namespace tessera::image {
 namespace {
 
@@ -19,6 +21,18 @@ float limited(float value) {  // GCC does not make vectors of std::clamp
 
 std::size_t pixel_count(const contract::PixelRect& part) {
   return static_cast<std::size_t>(part.width) * static_cast<std::size_t>(part.height);
+}
+
+/// The values of `part` from a plane that has kSpikeMargin more on each side.
+Plane without_margin(const Plane& plane, const contract::PixelRect& part) {
+  Plane inner;
+  inner.reserve(pixel_count(part));
+  const std::ptrdiff_t stride = part.width + 2 * kSpikeMargin;
+  for (std::ptrdiff_t row = 0; row < part.height; ++row) {
+    const auto from = plane.begin() + (row + kSpikeMargin) * stride + kSpikeMargin;
+    inner.insert(inner.end(), from, from + part.width);
+  }
+  return inner;
 }
 
 }  // namespace
@@ -58,21 +72,38 @@ Half FrameInput::half(std::size_t index, const contract::PixelRect& part) const 
   Half half;
   half.width = bordered.width;
   half.height = bordered.height;
-  half.streams = streams(index, bordered);
+  half.valid = valid(bordered);
+  half.streams = limited_streams(index, bordered);
   std::array<Plane, kHalfFeatures> features[2];
   for (std::size_t s = 0; s < 2; ++s) {
     for (std::size_t k = 0; k < kHalfFeatures; ++k)
       cut((2 * index + s) * kStreamPlanes + 3 + k, bordered, 1, features[s][k]);
   }
   prepare(features[0], features[1], half);
-  half.valid.reserve(pixel_count(bordered));
-  for (std::int32_t y = bordered.y; y < bordered.y + bordered.height; ++y) {
-    for (std::int32_t x = bordered.x; x < bordered.x + bordered.width; ++x) {
+  return half;
+}
+
+Plane FrameInput::valid(const contract::PixelRect& part) const {
+  Plane valid;
+  valid.reserve(pixel_count(part));
+  for (std::int32_t y = part.y; y < part.y + part.height; ++y) {
+    for (std::int32_t x = part.x; x < part.x + part.width; ++x) {
       const bool inside = x >= 0 && y >= 0 && x < frame_.width && y < frame_.height;
-      half.valid.push_back(inside ? 1.0f : 0.0f);
+      valid.push_back(inside ? 1.0f : 0.0f);
     }
   }
-  return half;
+  return valid;
+}
+
+StreamPair FrameInput::limited_streams(std::size_t half, const contract::PixelRect& part) const {
+  const contract::PixelRect enlarged{part.x - kSpikeMargin, part.y - kSpikeMargin,
+                                     part.width + 2 * kSpikeMargin, part.height + 2 * kSpikeMargin};
+  StreamPair streams = this->streams(half, enlarged);
+  limit_spikes(valid(enlarged), enlarged.width, streams);
+  for (ColourPlanes* colour : {&streams.a, &streams.b}) {
+    for (Plane& plane : *colour) plane = without_margin(plane, part);
+  }
+  return streams;
 }
 
 }  // namespace tessera::image

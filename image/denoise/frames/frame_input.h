@@ -32,10 +32,14 @@ class FrameInput {
 
   /// The colours of half 0 or 1, in units of the mean luminance.
   StreamPair streams(std::size_t half, const contract::PixelRect& part) const;
-  /// Half 0 or 1 with `part` inside its border. The width is rounded up.
+  /// Half 0 or 1 without spikes, with `part` inside its border. The width is rounded up.
   Half half(std::size_t index, const contract::PixelRect& part) const;
 
  private:
+  /// streams() without spikes.
+  StreamPair limited_streams(std::size_t half, const contract::PixelRect& part) const;
+  /// 1 for pixels of the frame, 0 for others.
+  Plane valid(const contract::PixelRect& part) const;
   void cut(std::size_t plane, const contract::PixelRect& part, float scale, Plane& out) const;
 
   const DenoiseFrame& frame_;
