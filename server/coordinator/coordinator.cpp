@@ -58,10 +58,10 @@ void Coordinator::tick() {
   change.scheduler().tick(change.now(), farm_.options().tick_period);
   jobs_.tick(change);
   budgets_.tick(change);
-  audits_.tick();
   health_.note_timer();
   if (change.now() - last_writer_check_ >= kCheckWriterEvery) {
     last_writer_check_ = change.now();
+    audits_.tick();
     pipeline_.post([this] { health_.note_writer(); });
   }
   if (change.now() - last_running_write_ < kWriteRunningEvery) return;

@@ -18,9 +18,10 @@ namespace tessera::server {
 /// Carries out the outcomes of audits: records their end, bans faulty workers and has their units
 /// rendered again.
 ///
-/// What follows from a verdict is written in one transaction: a server that is killed before it
-/// finds the audit open and decides again; one that is killed after it has nothing left to do.
-/// Until then no frame with units of the worker is finished (JobFilm::suspect).
+/// All consequences of a verdict are written in one transaction. If the server is killed before it,
+/// the audit is still open after the restart and leads to the same verdict; after it, nothing is
+/// left to do. Until the transaction is durable, no frame with units of the worker is finished
+/// (JobFilm::suspect).
 class AuditOutcomes final : public EffectHandler {
  public:
   AuditOutcomes(FarmState& farm, Store& store, CommitPipeline& pipeline, FrameFinisher& finisher)
@@ -39,7 +40,7 @@ class AuditOutcomes final : public EffectHandler {
     std::vector<std::string> faulty;
     std::vector<UnitName> audited;
   };
-  /// What a verdict means for a job.
+  /// The consequences of a verdict for one job.
   struct Consequence {
     JobKey key = 0;
     std::string job_id;

@@ -159,17 +159,18 @@ bool FrameFinisher::redo_damaged(const FrameKey& key, const absl::Status& status
 
 void FrameFinisher::merge_now(const FilmUpdate& update) {
   const FrameKey key{update.job_id, update.unit.frame};
-  bool is_wanted = false, is_current = false;
+  bool is_wanted = false, is_current = false, is_open = false;
   {
     const FarmView view(farm_);
     const Job* job = view.find_job(update.job_id);
     is_wanted = job != nullptr && !has_ended(job->state) && job->plan &&
                 job->plan->contains(update.unit) && !job->plan->is_finished(update.unit.frame);
     is_current = is_wanted && view.film(*job).revision == update.revision;
+    is_open = films_.is_current(view, key);
   }
   // A film without this unit would be out of date if the job is retried.
   if (!is_wanted) return close(key);
-  open(key);
+  if (!is_open) open(key);
   if (!is_current) return;  // what is left of it is in the film that was opened
   const Time started = farm_.now();
   FilmCache& cache = films_.cache();

@@ -1,7 +1,6 @@
 #include "image/denoise/filter/spike_limit.h"
 
 #include <cstddef>
-#include <vector>
 
 #include "image/denoise/filter/filter_parameters.h"
 

@@ -79,6 +79,7 @@ void LeaseTable::suspend_audits(Job& job) {
     audits_.stop_waiting(job, unit, audit);
     take_from_holder(job, unit, audit);
     audit.holder.reset();
+    audit.alone_since.reset();  // time without workers counts from the retry
   }
 }
 

@@ -217,6 +217,33 @@ TEST_F(AuditTest, AuditsOfCancelledJobGoOnAfterRetry) {
   EXPECT_EQ(audited(job), 6);
 }
 
+TEST_F(AuditTest, WaitForOthersStartsAgainWithRetry) {
+  const std::string job = create_job("a");
+  add("w1");
+  TestWorker& gone = add("w2");
+  for (const Leased& unit : std::exchange(workers_[0].units, {})) {
+    deliver(workers_[0], unit, bytes_of(unit));
+  }
+  pump();
+  coordinator->workers().begin_draining(gone.session);
+  coordinator->workers().disconnect(gone.session);
+  workers_.pop_back();
+  const auto pass = [&](int ticks) {
+    for (int i = 0; i < ticks; ++i) {
+      keep_workers();
+      pump();
+    }
+  };
+  pass(10);
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
+  pass(100);
+  ASSERT_TRUE(change(job, JobAdmin::Change::retry).ok());
+  pass(10);
+  EXPECT_EQ(view(job).state, JobState::running) << "5 s have not passed since then";
+  pass(100);
+  EXPECT_EQ(view(job).state, JobState::done);
+}
+
 TEST_F(AuditTest, DisputeIsSettledAfterRetry) {
   const std::string truth = correct_pixels(spec_of("a"));
   const std::string job = create_job("a");
