@@ -42,8 +42,9 @@ COST_SAMPLES, COST_ROUNDS = (8, 56), 3
 DENOISED_LEVELS, DENOISED_SEEDS = (16, 64, 256), 3
 THRESHOLDS = (0.4, 0.2, 0.1, 0.05, 0.025, 0.0125)  # of adaptive sampling
 ADAPTIVE_SEEDS, ADAPTIVE_SPP = 8, 4096
-VARIANTS = {"guided", "adaptive"}  # with the expected image of the renderer itself, and not denoised
-DENOISED = {US, "Cycles 4.5"}
+VARIANTS = {"guided", "adaptive"}  # with the expected image of the renderer itself
+GUIDED = f"{US}, guided"
+DENOISED = {US, GUIDED, "Cycles 4.5"}
 SIMPLE = {"cornell_diffuse", "cornell_glass", "interior_window", "manylights200", "punctual"}
 SCENES_OF = {  # by words in the names of renderers; the others render every scene
     "Mitsuba": SIMPLE, "LuxCore": SIMPLE,  # what gltf_scene.py reads
@@ -195,25 +196,28 @@ def raw_table(rows, peer):
 
 
 def error_at(found, seconds):
-    """Returns the error of a denoised curve at a CPU time, on logarithmic scales; None outside."""
+    """Returns the error of a denoised curve at a CPU time as text, interpolated on logarithmic scales. After the
+    last measured time the error there is an upper limit."""
     points = sorted((entry["seconds_per_megapixel"], entry["denoised"]) for entry in found.values())
     for (x0, e0), (x1, e1) in zip(points, points[1:]):
         if x0 <= seconds <= x1 and min(e0, e1) > 0:
-            return e0 * (e1 / e0) ** (math.log(seconds / x0) / math.log(x1 / x0))
-    return None
+            return f"{e0 * (e1 / e0) ** (math.log(seconds / x0) / math.log(x1 / x0)):.5f}"
+    return f"at most {points[-1][1]:.5f}" if seconds > points[-1][0] else "—"
 
 
 def denoised_table(rows, peer):
-    lines = [f"| scene | spp of {peer} | CPU s per megapixel | relMSE of {peer} | of Tessera at equal time |",
-             "|---|---|---|---|---|"]
+    """Compares a peer with Tessera, and with guided Tessera in the scenes that have it."""
+    lines = [f"| scene | spp of {peer} | CPU s per megapixel | relMSE of {peer} | of {US} at equal time | of {GUIDED} |",
+             "|---|---|---|---|---|---|"]
     for row in rows:
         b = row["renderers"].get(peer)
         if b is None or not b["comparable"] or "denoised" not in b:
             continue
         for spp, entry in b["denoised"].items():
-            ours = error_at(row["renderers"][US]["denoised"], entry["seconds_per_megapixel"])
+            ours = [error_at(row["renderers"][name]["denoised"], entry["seconds_per_megapixel"])
+                    if name in row["renderers"] else "" for name in (US, GUIDED)]
             lines.append(f"| {row['scene']} | {spp} | {entry['seconds_per_megapixel']:.1f} | "
-                         f"{entry['denoised']:.5f} | {number(ours, '{:.5f}')} |")
+                         f"{entry['denoised']:.5f} | {ours[0]} | {ours[1]} |")
     return "\n".join(lines)
 
 
@@ -223,7 +227,7 @@ def tables(rows):
     parts = []
     for peer in found:
         parts.append(raw_table(rows, peer)[0])
-        if any("denoised" in row["renderers"].get(peer, {}) for row in rows):
+        if peer != GUIDED and any("denoised" in row["renderers"].get(peer, {}) for row in rows):
             parts.append(denoised_table(rows, peer))
     return "\n\n".join(parts)
 
@@ -245,7 +249,7 @@ def main():
         inputs = Inputs(args.scenes.resolve(), pathlib.Path(folder))
         binaries = args.bin.resolve()
         renderers = {US: Tessera(inputs, binaries), **peers(inputs, args.python),
-                     f"{US}, guided": Tessera(inputs, binaries, guiding=True)}
+                     GUIDED: Tessera(inputs, binaries, guiding=True)}
         if len(renderers) == 2:
             sys.exit("against_cycles: no peer is installed; see the head of tests/bench/against_cycles.sh")
         chosen = set(args.peer or renderers)

@@ -47,7 +47,7 @@ simulate() {
   mkfifo "$folder/hold"
   for ((i = 0; i < $1; ++i)); do
     "$BIN/bench_simulated_workers" --server "unix:$folder/s" --name "sim$i" --workers "$2" \
-      --credits "$3" <"$folder/hold" >"$folder/sim$i.json" 2>"$folder/sim$i.log" &
+      --credits "$3" --first-leases "$folder/leases$i" <"$folder/hold" >"$folder/sim$i.json" 2>"$folder/sim$i.log" &
     simulators+=($!)
   done
   exec 3>"$folder/hold"
@@ -70,6 +70,14 @@ cpu_seconds() { awk -v hz="$(getconf CLK_TCK)" '{sub(/.*\) /, ""); print ($12 + 
 # lease_times: prints the times from granting credits to the next leases of each process of simulators.
 lease_times() {
   echo "from credits to leases $(grep -ho '"lease_p.*[0-9]' "$folder"/sim*.json | tr '\n' ';')"
+}
+
+# first_leases: prints the times from CreateJob's answers to the first leases of the jobs; 0 if the lease was sooner.
+first_leases() {
+  sort "$folder"/leases* | awk '!seen[$1]++' | join - <(sort "$folder/answers") |
+    awk '{wait = ($2 - $3) / 1000; print (wait > 0 ? wait : 0)}' | sort -n |
+    awk '{wait[NR] = $1} END {printf "from the answer to the first lease of %d jobs p50 %.2f ms, p99 %.2f ms",
+           NR, wait[int(NR / 2) + 1], wait[int(NR * 0.99) + 1]}'
 }
 
 rss_mb() { awk '/VmRSS/ {print $2 / 1024}' "/proc/$server_pid/status"; }
@@ -132,9 +140,9 @@ bench_jobs() {
     server
     simulate 2 4 64
     echo "small jobs: $("$BIN/bench_coordinator_small_jobs" --server "unix:$folder/s" \
-      --jobs "${JOBS:-10000}" --queued "$queued" --rate "$rate"); load average $(cut -d' ' -f1 /proc/loadavg)"
+      --jobs "${JOBS:-10000}" --queued "$queued" --rate "$rate" --answers "$folder/answers"); load average $(cut -d' ' -f1 /proc/loadavg)"
     stop_all
-    echo "small jobs: server at most $rss_peak MiB, $server_cpu CPU seconds for all jobs; $(lease_times)"
+    echo "small jobs: server at most $rss_peak MiB, $server_cpu CPU seconds for all jobs; $(lease_times); $(first_leases)"
     rm -rf "${folder:?}"/*
   done
 }

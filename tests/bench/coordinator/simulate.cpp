@@ -18,6 +18,7 @@ namespace {
 
 struct Options {
   std::string server, certs, token, numerics = tessera::contract::kNumericsSha256, name = "sim";
+  std::string first_leases;
   int workers = 1;
   int credits = 64;
 };
@@ -86,6 +87,9 @@ int run(const Options& options) {
       counters.lease.quantile_ms(0.99), counters.commit.quantile_ms(0.5),
       counters.commit.quantile_ms(0.99));
   fflush(stdout);
+  if (!options.first_leases.empty() && !counters.first_leases.write(options.first_leases)) {
+    fprintf(stderr, "%s: cannot be written\n", options.first_leases.c_str());
+  }
   _exit(0);  // streams are still open: a worker's crash is part of the protocol
 }
 
@@ -100,6 +104,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench
   app.add_option("--numerics", options.numerics, "numerics hash to show")->capture_default_str();
   app.add_option("--name", options.name, "start of the workers' ids");
   app.add_option("--workers", options.workers, "how many");
+  app.add_option("--first-leases", options.first_leases,
+                 "file for the ID and the time of the first lease of each job");
   app.add_option("--credits", options.credits, "units in flight, each");
   CLI11_PARSE(app, argc, argv);
   return run(options);

@@ -3,6 +3,8 @@
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
+#include <fstream>
+#include <string>
 #include <utility>
 
 #include "contract/version.h"
@@ -29,6 +31,13 @@ double Latencies::quantile_ms(double share) {
   std::sort(microseconds_.begin(), microseconds_.end());
   const auto index = static_cast<std::size_t>(share * static_cast<double>(microseconds_.size()));
   return 1e-3 * static_cast<double>(microseconds_[std::min(index, microseconds_.size() - 1)]);
+}
+
+bool FirstLeases::write(const std::string& path) {
+  const std::lock_guard lock(mutex_);
+  std::ofstream file(path);
+  for (const auto& [job, us] : leased_us_) file << job << ' ' << us << '\n';
+  return file.flush().good();
 }
 
 FilmShelf::FilmShelf(const std::shared_ptr<grpc::Channel>& channel, std::string token)
@@ -205,6 +214,7 @@ void SimulatedWorker::on_event(const v1::WorkResponse& event) {
       if (granted_us_ > 0) counters_.lease.add(now_us() - std::exchange(granted_us_, 0));
       for (const v1::JobDescription& job : event.leases().jobs()) shelf_.describe(job);
       for (const v1::Lease& lease : event.leases().leases()) {
+        counters_.first_leases.add(lease.job_id(), now_us());
         for (std::int32_t k = 0; k < lease.tile_count(); ++k) {
           pending_.push_back({lease, lease.first_tile() + k});
         }

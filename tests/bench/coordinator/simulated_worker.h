@@ -30,15 +30,31 @@ class Latencies {
   std::vector<std::int64_t> microseconds_;
 };
 
+/// When the first unit of each job was leased, in microseconds of the monotonic clock. Thread-safe.
+class FirstLeases {
+ public:
+  void add(const std::string& job_id, std::int64_t now_us) {
+    const std::lock_guard lock(mutex_);
+    leased_us_.emplace(job_id, now_us);
+  }
+  /// Writes a line with ID and time for each job; returns false if that fails.
+  bool write(const std::string& path);
+
+ private:
+  std::mutex mutex_;
+  std::map<std::string, std::int64_t> leased_us_;
+};
+
 /// Counters of all simulated workers of a process.
 struct Counters {
   std::atomic<std::int64_t> welcomed = 0, committed = 0, duplicate = 0, obsolete = 0, rejected = 0;
   std::atomic<std::int64_t> committed_bytes = 0;
   std::atomic<std::int64_t> first_lease_us = 0, last_commit_us = 0;  // monotonic clock
   std::atomic<std::int64_t> closed = 0;                              // streams the server ended
-  /// From granting credits to the next leases, for workers that still have units: others may wait
-  /// for a job.
+  /// From granting credits to the next leases, for workers that still have units. While the queue
+  /// is empty this contains the wait for a job.
   Latencies lease;
+  FirstLeases first_leases;
   /// From sending a block to its acknowledgement.
   Latencies commit;
 };

@@ -11,10 +11,12 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdio>
+#include <fstream>
 #include <map>
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "contract/digest.h"
@@ -29,7 +31,7 @@ namespace v1 = tessera::v1;
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-  std::string server, token;
+  std::string server, token, answers;
   int clients = 16, jobs = 10'000, queued = 0, open = 256;
   double rate = 0;
 };
@@ -68,6 +70,21 @@ class OpenJobs {
     }
     created_[id] = Clock::now();
   }
+  /// Notes the time of CreateJob's answer.
+  void answered(const std::string& id) {
+    const std::lock_guard lock(mutex_);
+    answers_.emplace_back(id, Clock::now());
+  }
+  /// Writes a line with ID and time in microseconds for each answer; returns false if that fails.
+  bool write_answers(const std::string& path) const {
+    std::ofstream file(path);
+    for (const auto& [id, at] : answers_) {
+      file << id << ' '
+           << std::chrono::duration_cast<std::chrono::microseconds>(at.time_since_epoch()).count()
+           << '\n';
+    }
+    return file.flush().good();
+  }
   /// Counts a job that ended; ignores jobs of other clients.
   void finished(const std::string& id) {
     const std::lock_guard lock(mutex_);
@@ -101,6 +118,7 @@ class OpenJobs {
   std::condition_variable changed_;
   std::map<std::string, Clock::time_point> created_;
   std::map<std::string, int> finished_early_;
+  std::vector<std::pair<std::string, Clock::time_point>> answers_;
   std::vector<double> turnaround_;
   int open_ = 0;
   std::int64_t count_ = 0;
@@ -203,6 +221,7 @@ Outcome run_clients(const Options& options, const std::string& scene, OpenJobs& 
           ++failed;
           break;
         }
+        open.answered(id);
         open.created(id);
       }
       const std::lock_guard lock(mutex);
@@ -239,6 +258,10 @@ int run(const Options& options) {
   print_percentiles("turnaround", open.turnaround());
   const double wall = seconds(open.last() - outcome.start);
   printf("\"wall_seconds\": %.3f, \"jobs_per_second\": %.0f}\n", wall, options.jobs / wall);
+  if (!options.answers.empty() && !open.write_answers(options.answers)) {
+    fprintf(stderr, "%s: cannot be written\n", options.answers.c_str());
+    return 1;
+  }
   return outcome.complete ? 0 : 1;
 }
 
@@ -254,6 +277,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench
   app.add_option("--queued", options.queued, "jobs created before, which no worker can serve")
       ->capture_default_str();
   app.add_option("--rate", options.rate, "jobs a second, at most; 0: as many as possible");
+  app.add_option("--answers", options.answers,
+                 "file for the ID of each job and the time of CreateJob's answer");
   app.add_option("--open", options.open, "most jobs created and not finished")
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
