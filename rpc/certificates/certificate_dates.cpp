@@ -3,16 +3,16 @@
 #include <openssl/bio.h>
 #include <openssl/pem.h>
 #include <openssl/x509.h>
-#include <openssl/x509v3.h>
 
 #include <ctime>
 #include <memory>
 #include <utility>
 
 #include "absl/status/status.h"
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 #include "absl/time/time.h"
+#include "rpc/certificates/certificate_uri.h"
 
 namespace tessera::contract {
 namespace {
@@ -57,22 +57,9 @@ absl::StatusOr<WallTime> certificate_end(const std::string& path) {
 }
 
 std::string certificate_holder(const std::string& path) {
-  const std::string scheme = "tessera://";
   const auto certificate = read_certificate(path);
   if (!certificate.ok()) return {};
-  const std::unique_ptr<GENERAL_NAMES, void (*)(GENERAL_NAMES*)> names(
-      static_cast<GENERAL_NAMES*>(
-          X509_get_ext_d2i(certificate->get(), NID_subject_alt_name, nullptr, nullptr)),
-      GENERAL_NAMES_free);
-  for (int i = 0; i < sk_GENERAL_NAME_num(names.get()); ++i) {
-    const GENERAL_NAME* name = sk_GENERAL_NAME_value(names.get(), i);
-    if (name->type != GEN_URI) continue;
-    const ASN1_STRING* value = name->d.uniformResourceIdentifier;
-    const std::string uri(reinterpret_cast<const char*>(ASN1_STRING_get0_data(value)),
-                          static_cast<std::size_t>(ASN1_STRING_length(value)));
-    if (absl::StartsWith(uri, scheme)) return uri.substr(scheme.size());
-  }
-  return {};
+  return std::string(absl::StripPrefix(holder_uri(certificate->get()), kHolderScheme));
 }
 
 std::string date_text(WallTime time) {

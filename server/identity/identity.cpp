@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "rpc/certificates/certificate_uri.h"
 #include "server/identity/openssl_objects.h"
 #include "server/identity/signed_certificate.h"
 #include "server/store/files/names.h"
@@ -11,26 +12,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr char kScheme[] = "tessera://";
 constexpr std::size_t kMaxNameLength = 64;
-
-/// Returns the only tessera:// URI among the subject alternative names; empty for none or several.
-std::string uri_of(const X509* certificate) {
-  const SubjectNames names(static_cast<GENERAL_NAMES*>(
-      X509_get_ext_d2i(certificate, NID_subject_alt_name, nullptr, nullptr)));
-  std::string found;
-  for (int i = 0; names && i < sk_GENERAL_NAME_num(names.get()); ++i) {
-    const GENERAL_NAME* name = sk_GENERAL_NAME_value(names.get(), i);
-    if (name->type != GEN_URI) continue;
-    const ASN1_IA5STRING* uri = name->d.uniformResourceIdentifier;
-    const std::string_view text(reinterpret_cast<const char*>(ASN1_STRING_get0_data(uri)),
-                                static_cast<std::size_t>(ASN1_STRING_length(uri)));
-    if (text.substr(0, sizeof kScheme - 1) != kScheme) continue;
-    if (!found.empty()) return {};
-    found = text;
-  }
-  return found;
-}
 
 }  // namespace
 
@@ -58,16 +40,16 @@ bool is_identity_name(std::string_view name) {
 }
 
 std::string identity_uri(Role role, std::string_view name) {
-  return absl::StrCat(kScheme, role_name(role), "/", std::string(name));
+  return absl::StrCat(contract::kHolderScheme, role_name(role), "/", std::string(name));
 }
 
 absl::StatusOr<Identity> read_identity(std::string_view pem) {
   const Bio bytes(BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
   const Certificate certificate(PEM_read_bio_X509(bytes.get(), nullptr, nullptr, nullptr));
   if (!certificate) return absl::UnauthenticatedError("invalid certificate");
-  const std::string uri = uri_of(certificate.get());
+  const std::string uri = contract::holder_uri(certificate.get());
   const std::size_t slash = uri.rfind('/');
-  const std::size_t scheme = sizeof kScheme - 1;
+  const std::size_t scheme = sizeof contract::kHolderScheme - 1;
   Identity identity;
   const auto role = uri.size() > scheme && slash >= scheme
                         ? parse_role(std::string_view(uri).substr(scheme, slash - scheme))

@@ -8,6 +8,7 @@
 
 #include "server/identity/private_file.h"
 #include "server/identity/revocations.h"
+#include "server/identity/signed_certificate.h"
 #include "tests/support/scratch_folder.h"
 
 namespace tessera::server {
@@ -74,6 +75,18 @@ TEST_F(AuthorityTest, AmbiguousNamesAreRejected) {
     EXPECT_TRUE(absl::IsInvalidArgument(issue_server(folder_, {host}, year()))) << host;
   }
   EXPECT_TRUE(absl::IsInvalidArgument(issue_server(folder_, {}, year())));
+}
+
+TEST_F(AuthorityTest, CertificateWithSeveralHoldersIsRefused) {
+  const auto identity_of = [](const std::string& names) {
+    const Extensions extensions{"critical,CA:FALSE", "critical,digitalSignature", nullptr, names};
+    const auto pair = make_pair_signed("several", extensions, year(), nullptr);
+    return read_identity(to_pem(pair->certificate.get()).value());
+  };
+  EXPECT_EQ(identity_of("URI:https://example.com/,URI:tessera://client/ann")->name, "ann");
+  EXPECT_TRUE(absl::IsUnauthenticated(
+      identity_of("URI:tessera://client/ann,URI:tessera://admin/bob").status()));
+  EXPECT_TRUE(absl::IsUnauthenticated(identity_of("URI:https://example.com/").status()));
 }
 
 TEST_F(AuthorityTest, ExistingFilesAreNotOverwritten) {
