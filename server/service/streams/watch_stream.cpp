@@ -16,7 +16,10 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr milliseconds kDefaultInterval{500}, kMinInterval{100}, kMaxInterval{60'000};
-constexpr milliseconds kProgressPoll{50};  // progress is sent less often
+/// Progress is sent less often. Short jobs are polled more often, so that waiting for a poll adds
+/// at most an eighth to their time.
+constexpr milliseconds kMinPoll{4}, kMaxPoll{50};
+constexpr int kShareOfTime = 8;
 
 milliseconds watch_interval(const v1::WatchJobRequest& request) {
   if (!request.has_interval()) return kDefaultInterval;
@@ -72,13 +75,18 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
     StartWrite(&response_);
   }
 
-  void wait_for_change() { wait(std::min(interval_, kProgressPoll)); }
+  void wait_for_change() {
+    const auto watched =
+        std::chrono::duration_cast<milliseconds>(std::chrono::steady_clock::now() - start_);
+    wait(std::clamp(watched / kShareOfTime, kMinPoll, kMaxPoll));
+  }
 
   Coordinator& coordinator_;
   const Access& access_;
   const Caller caller_;
   const std::string job_id_;
   const milliseconds interval_;
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   bool has_ended_ = false;
   std::optional<JobView> sent_;
   std::chrono::steady_clock::time_point sent_at_;
