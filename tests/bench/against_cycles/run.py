@@ -11,7 +11,8 @@ filter and no clamping (scenes.py says what else makes all do the same work):
   the difference of samples, which excludes loading and building. The minimum of several;
 - adaptive sampling: the same error curve over noise thresholds, with the median of the CPU seconds of the
   images, less those of an image with one sample;
-- denoised: relMSE and CPU seconds with each renderer's denoiser.
+- denoised: relMSE and CPU seconds with each renderer's denoiser, whose cost per pixel is measured with larger
+  images, because small ones consist mostly of its fixed cost.
 """
 
 import argparse
@@ -40,6 +41,7 @@ REFERENCE_IMAGES = 8
 LEVELS = {4: 16, 16: 16, 64: 8, 256: 4, 1024: 4, 4096: 4}
 COST_SAMPLES, COST_ROUNDS = (8, 56), 3
 DENOISED_LEVELS, DENOISED_SEEDS = (16, 64, 256), 3
+FILTER_SIZE, FILTER_SPP = (640, 480), 4  # for the cost of the denoiser
 THRESHOLDS = (0.4, 0.2, 0.1, 0.05, 0.025, 0.0125)  # of adaptive sampling
 ADAPTIVE_SEEDS, ADAPTIVE_SPP = 8, 4096
 VARIANTS = {"guided", "adaptive"}  # with the expected image of the renderer itself
@@ -119,17 +121,28 @@ def adaptive_curve(name, program, reference, size):
     return curve
 
 
+def cost_of_filter(name, program):
+    """Returns CPU seconds per megapixel of the denoiser."""
+    pixels = FILTER_SIZE[0] * FILTER_SIZE[1]
+    extra = []
+    for _ in range(COST_ROUNDS):
+        (_, raw), (_, smooth) = program.render(name, [
+            {"spp": FILTER_SPP, "seed": 7, "size": FILTER_SIZE, "denoise": denoise} for denoise in (False, True)])
+        extra.append((smooth - raw) / pixels)
+    return 1e6 * max(statistics.median(extra), 0)
+
+
 def denoised(name, program, reference, cost, size):
-    """Returns {spp: {raw, denoised, seconds_per_megapixel}}."""
+    """Returns {spp: {raw, denoised, seconds_per_megapixel, filter_seconds_per_megapixel}}."""
+    filtering = cost_of_filter(name, program)
     found = {}
-    area = size[0] * size[1] * 1e-6
     for spp in DENOISED_LEVELS:
         raw = program.render(name, jobs_of(spp, DENOISED_SEEDS, 3000, size))
         smooth = program.render(name, jobs_of(spp, DENOISED_SEEDS, 3000, size, denoise=True))
-        extra = statistics.median(b[1] - a[1] for a, b in zip(raw, smooth))
         found[spp] = {"raw": statistics.mean(reference.error_of(image) for image, _ in raw),
                       "denoised": statistics.mean(reference.error_of(image) for image, _ in smooth),
-                      "seconds_per_megapixel": cost * 1e6 * spp + max(extra, 0) / area}
+                      "seconds_per_megapixel": 1e6 * cost * spp + filtering,
+                      "filter_seconds_per_megapixel": filtering}
     return found
 
 
