@@ -64,16 +64,12 @@ class OpenJobs {
   }
   void created(const std::string& id) {
     const std::lock_guard lock(mutex_);
+    answers_.emplace_back(id, Clock::now());
     if (finished_early_.erase(id) > 0) {  // its event was faster than the answer
       turnaround_.push_back(0);
       return;
     }
-    created_[id] = Clock::now();
-  }
-  /// Notes the time of CreateJob's answer.
-  void answered(const std::string& id) {
-    const std::lock_guard lock(mutex_);
-    answers_.emplace_back(id, Clock::now());
+    created_[id] = answers_.back().second;
   }
   /// Writes a line with ID and time in microseconds for each answer; returns false if that fails.
   bool write_answers(const std::string& path) const {
@@ -221,7 +217,6 @@ Outcome run_clients(const Options& options, const std::string& scene, OpenJobs& 
           ++failed;
           break;
         }
-        open.answered(id);
         open.created(id);
       }
       const std::lock_guard lock(mutex);

@@ -39,6 +39,17 @@ class AuditTest : public CoordinatorFixture {
     }
   }
 
+  /// The first of two workers delivers its units; then the second one, its only witness, leaves.
+  void deliver_and_lose_second() {
+    for (const Leased& unit : std::exchange(workers_[0].units, {})) {
+      deliver(workers_[0], unit, bytes_of(unit));
+    }
+    pump();
+    coordinator->workers().begin_draining(workers_[1].session);
+    coordinator->workers().disconnect(workers_[1].session);
+    workers_.pop_back();
+  }
+
   void run_workers(const std::string& job_id) {
     for (int round = 0; round < 200 && !has_ended(view(job_id).state); ++round) {
       deliver_leased_units();
@@ -119,15 +130,9 @@ TEST_F(AuditTest, SingleWorkerIsNotAudited) {
 TEST_F(AuditTest, AuditIsWaivedWithoutOtherWorkers) {
   const std::string job = create_job("a");
   add("w1");
-  TestWorker& gone = add("w2");
+  add("w2");
   coordinator->workers().grant_credits(workers_[0].session, 64);
-  for (const Leased& unit : std::exchange(workers_[0].units, {})) {
-    deliver(workers_[0], unit, bytes_of(unit));
-  }
-  pump();
-  coordinator->workers().begin_draining(gone.session);
-  coordinator->workers().disconnect(gone.session);
-  workers_.pop_back();
+  deliver_and_lose_second();
   now += std::chrono::seconds(6);
   coordinator->workers().record_contact(workers_[0].session);
   run_workers(job);
@@ -220,14 +225,8 @@ TEST_F(AuditTest, AuditsOfCancelledJobGoOnAfterRetry) {
 TEST_F(AuditTest, WaitForOthersStartsAgainWithRetry) {
   const std::string job = create_job("a");
   add("w1");
-  TestWorker& gone = add("w2");
-  for (const Leased& unit : std::exchange(workers_[0].units, {})) {
-    deliver(workers_[0], unit, bytes_of(unit));
-  }
-  pump();
-  coordinator->workers().begin_draining(gone.session);
-  coordinator->workers().disconnect(gone.session);
-  workers_.pop_back();
+  add("w2");
+  deliver_and_lose_second();
   const auto pass = [&](int ticks) {
     for (int i = 0; i < ticks; ++i) {
       keep_workers();
