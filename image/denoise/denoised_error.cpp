@@ -7,8 +7,9 @@ namespace tessera::image {
 
 void DenoiseSums::add(const DenoiseSums& other) {
   pixels += other.pixels;
-  scaled += other.scaled;
-  spread += other.spread;
+  pixel_by_pixel.add(other.pixel_by_pixel);
+  for (std::size_t k = 0; k < by_regions.size(); ++k) by_regions[k].add(other.by_regions[k]);
+  frame.add(other.frame);
   magnitude += other.magnitude;
   magnitude_squares += other.magnitude_squares;
   cells += other.cells;
@@ -19,9 +20,16 @@ DenoisedError denoised_error(const DenoiseSums& sums, double quantile) {
   DenoisedError error;
   if (sums.pixels == 0) return error;
   const double terms = 3 * static_cast<double>(sums.pixels);
-  const double upper = sums.scaled + quantile * std::sqrt(sums.spread);
-  error.error = std::sqrt(std::max(sums.scaled, 0.0) / terms);
-  error.error_upper95 = std::sqrt(std::max(upper, 0.0) / terms);
+  double scaled = 0, upper = 0;
+  const auto consider = [&](const ErrorEstimate& estimate) {
+    scaled = std::max(scaled, estimate.scaled);
+    upper = std::max(upper, estimate.scaled + quantile * std::sqrt(estimate.spread));
+  };
+  consider(sums.pixel_by_pixel);
+  for (const ErrorEstimate& estimate : sums.by_regions) consider(estimate);
+  consider(sums.frame.estimate());
+  error.error = std::sqrt(scaled / terms);
+  error.error_upper95 = std::sqrt(upper / terms);
   if (sums.magnitude_squares > 0) {
     error.n_eff = sums.magnitude * sums.magnitude / sums.magnitude_squares;
   }

@@ -1,14 +1,18 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
+
+#include "image/denoise/region_errors.h"
 
 namespace tessera::image {
 
 /// Sums of the estimated error of denoised pixels.
 struct DenoiseSums {
   std::int64_t pixels = 0;
-  double scaled = 0;     // Σ over pixels and channels of the squared error ÷ (d² + 0.01 m²)
-  double spread = 0;     // bound of the variance of `scaled`, given the denoised halves
+  ErrorEstimate pixel_by_pixel;
+  std::array<ErrorEstimate, kRegionSides> by_regions;  // sides of 4, 8, … pixels
+  RegionSums frame;
   double magnitude = 0;  // Σ over pixels of |estimate|, and of its square
   double magnitude_squares = 0;
   std::int64_t cells = 0, raw_cells = 0;  // cells, and those that are left raw
@@ -18,6 +22,7 @@ struct DenoiseSums {
 
 /// Estimated error of a denoised image, in the measure of error-estimation.md.
 struct DenoisedError {
+  /// The largest of the estimates of the sums, and the largest of their bounds.
   double error = 0, error_upper95 = 0;
   double n_eff = 0;  // effective number of pixels that carry the estimate
   double raw_share = 0;

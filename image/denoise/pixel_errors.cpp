@@ -61,7 +61,7 @@ class ReferenceValues {
 
 /// Adds the estimated error of pixel `i`.
 void add_error(const BlendedHalf& half0, const BlendedHalf& half1, std::size_t i,
-               const std::array<double, 3>& references, DenoiseSums& sums) {
+               const std::array<double, 3>& references, RegionSums& region, DenoiseSums& sums) {
   double scaled = 0, first = 0, second = 0;
   for (std::size_t c = 0; c < 3; ++c) {
     const double reference = references[c];
@@ -69,16 +69,27 @@ void add_error(const BlendedHalf& half0, const BlendedHalf& half1, std::size_t i
         1 / (reference * reference + static_cast<double>(FilterParameters::kErrorFloor));
     const double d0 = half0.colour[c][i], d1 = half1.colour[c][i];
     const StreamPair &own = half0.raw, &other = half1.raw;
-    const double t0 = (d0 - other.a[c][i]) * (d0 - other.b[c][i]) * scale;
-    const double t1 = (d1 - own.a[c][i]) * (d1 - own.b[c][i]) * scale;
+    const std::array<double, 2> e0 = {d0 - other.a[c][i], d0 - other.b[c][i]},
+                                e1 = {d1 - own.a[c][i], d1 - own.b[c][i]};
+    const double t0 = e0[0] * e0[1] * scale, t1 = e1[0] * e1[1] * scale;
     first += t0;
     second += t1;
     scaled += 0.5 * (t0 + t1) - 0.25 * ((d0 - d1) * (d0 - d1)) * scale;
+
+    const double root = std::sqrt(scale);
+    RegionSums::Channel& channel = region.channels[c];
+    for (std::size_t k = 0; k < 2; ++k) {
+      channel.first[k] += e0[k] * root;
+      channel.second[k] += e1[k] * root;
+    }
+    channel.between += (d0 - d1) * root;
+    channel.first_noise += 0.5 * ((e0[0] - e0[1]) * (e0[0] - e0[1])) * scale;
+    channel.second_noise += 0.5 * ((e1[0] - e1[1]) * (e1[0] - e1[1])) * scale;
   }
   const double magnitude = std::fabs(0.5 * (first + second));
+  ++region.pixels;
   ++sums.pixels;
-  sums.scaled += scaled;
-  sums.spread += 0.5 * (first * first + second * second);
+  sums.pixel_by_pixel.add({scaled, 0.5 * (first * first + second * second)});
   sums.magnitude += magnitude;
   sums.magnitude_squares += magnitude * magnitude;
 }
@@ -91,13 +102,16 @@ void add_errors(const BlendedHalf& first, const BlendedHalf& second, DenoiseSums
                                                ReferenceValues(first, second, 2)};
   const auto width = static_cast<std::size_t>(first.width),
              height = static_cast<std::size_t>(first.height);
+  RegionGrid regions(width - std::size_t{2} * kBlurMargin, height - std::size_t{2} * kBlurMargin);
   for (std::size_t row = kBlurMargin; row < height - kBlurMargin; ++row) {
     for (ReferenceValues& channel : references) channel.use_row(row * width);
     for (std::size_t x = kBlurMargin; x < width - kBlurMargin; ++x) {
       add_error(first, second, row * width + x,
-                {references[0].at(x), references[1].at(x), references[2].at(x)}, sums);
+                {references[0].at(x), references[1].at(x), references[2].at(x)},
+                regions.at(x - kBlurMargin, row - kBlurMargin), sums);
     }
   }
+  regions.add_to(sums.by_regions, sums.frame);
   for (std::size_t k = 0; k < first.is_raw_cell.size(); ++k) {
     ++sums.cells;
     sums.raw_cells += first.is_raw_cell[k] != 0 && second.is_raw_cell[k] != 0 ? 1 : 0;

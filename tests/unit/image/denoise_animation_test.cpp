@@ -355,8 +355,8 @@ TEST(AnimationDenoiser, BoundHolds) {
     const DenoiseSums sums = sums_of(frames);
     const double terms = 3 * static_cast<double>(kPixels);
     square += error / kSeeds;
-    estimate += sums.scaled / terms / kSeeds;
-    variance += sums.spread / (terms * terms * kSeeds * kSeeds);
+    estimate += sums.pixel_by_pixel.scaled / terms / kSeeds;
+    variance += sums.pixel_by_pixel.spread / (terms * terms * kSeeds * kSeeds);
   }
   EXPECT_GE(held, 17);  // with a rate of 0.95, fewer in one of 60 runs
   EXPECT_NEAR(estimate, square, 3 * std::sqrt(variance));
