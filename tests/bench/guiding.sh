@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Measures relMSE and CPU time with and without --guiding, on the scenes of tests/bench/coverage and two more.
+# Measures relMSE and CPU time with and without --guiding, on the scenes of tests/bench/coverage and three more.
 #
 #   tests/bench/guiding.sh [SCENE…] [--seeds N (8)] [--bin DIR (build/dev/bin)] [--jobs N (1)] [--out FILE.md]
 #                          [--results FILE.jsonl] [--scale FACTOR (1)] [--references DIR]

@@ -215,12 +215,25 @@ PhotonSource::Emission PhotonSource::emit_environment(PhotonRandom* random) cons
     emission.is_found = false;
     return emission;
   }
+  // Light sampling finds the part of the sky that exceeds the mean. The rest is left to BSDF
+  // sampling, which seldom finds a window.
+  const auto unsampled = static_cast<float>(environment.unsampled_share());
+  const float area = kPi * radius_ * radius_;
+  if (random->next() < unsampled) {
+    const Vec3f towards = normalize(warp::uniform_sphere(random->next_2d()));
+    emission.ray = from_outside(-towards, random);
+    emission.flux =
+        environment.unsampled(environment.radiance(towards)) * (4 * kPi * area / unsampled);
+    emission.is_found = false;
+    return emission;
+  }
   const double u = random->next_double();
   const double v = random->next_double();
   const EnvironmentMap::Sample sample = environment.sample(u, v);
   if (!(sample.pdf > 0) || !(sample.pdf < INFINITY)) return emission;
   emission.ray = from_outside(-sample.direction, random);
-  emission.flux = sample.radiance * (kPi * radius_ * radius_ / sample.pdf);
+  emission.flux = (sample.radiance - environment.unsampled(sample.radiance)) *
+                  (area / sample.pdf / (1 - unsampled));
   return emission;
 }
 

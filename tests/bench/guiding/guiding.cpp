@@ -158,6 +158,7 @@ int main(int argc, char** argv) {
   app.add_option("--height", o.settings.height);
   app.add_option("--max-depth", o.settings.max_depth);
   app.add_option("--environment", o.settings.environment, "A file in the scene's folder");
+  app.add_option("--environment-strength", o.settings.environment_strength);
   CLI11_PARSE(app, argc, argv);
   return tessera::bench::run(o);
 }

@@ -14,10 +14,11 @@ TARGET = 0.01
 # Samples per pixel without and with guiding, and of the reference. Scenes with rare events need more.
 RARE = (1024, 256, 16384)
 SAMPLES = {"caustic": RARE, "caged_lamp": RARE, "small_sun_ball": RARE, "door_gap": RARE,
-           "window": (256, 256, 8192), "glint": (256, 256, 8192)}
+           "window": (256, 256, 8192), "window_sky": (256, 256, 8192), "glint": (256, 256, 8192)}
 USUAL = (64, 64, 4096)
 SCENES = ("furnace", "cornell", "penumbra", "small_lamp", "many_lamps", "checker", "foliage", "points",
-          "glossy", "glint", "window", "caustic", "caged_lamp", "small_sun_ball", "door_gap")
+          "glossy", "glint", "window", "caustic", "caged_lamp", "small_sun_ball", "door_gap", "window_sky")
+ENVIRONMENTS = {"window_sky": "sky.hdr"}
 
 
 def options_of():
@@ -37,6 +38,8 @@ def measure(options, folder, scene):
     plain, guided, reference = (max(4, round(options.scale * count)) for count in SAMPLES.get(scene, USUAL))
     command = [options.bin / "tessera-bench-guiding", folder / f"{scene}.gltf", "--spp", plain,
                "--guided-spp", guided, "--reference-spp", max(64, reference), "--seeds", options.seeds]
+    if scene in ENVIRONMENTS:
+        command += ["--environment", ENVIRONMENTS[scene]]
     if options.references:
         command += ["--reference", options.references / f"{scene}-{max(64, reference)}.reference"]
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)

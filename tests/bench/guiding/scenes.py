@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Writes the scenes of tests/bench/guiding.sh: those of tests/bench/coverage and two more.
+"""Writes the scenes of tests/bench/guiding.sh: those of tests/bench/coverage and three more.
 
-    scenes.py FOLDER     writes FOLDER/NAME.gltf
+    scenes.py FOLDER     writes FOLDER/NAME.gltf, and FOLDER/sky.hdr for window_sky
 """
 
+import math
 import sys
 from pathlib import Path
 
@@ -47,7 +48,32 @@ def small_sun_ball():
     return gltf
 
 
-SCENES = (*make_scenes.BATTERY, door_gap, small_sun_ball)
+def window_sky():
+    """The room of the scene window under sky.hdr, whose sun does not reach the window."""
+    return make_scenes.window()
+
+
+def radiance_bytes(grey):
+    """A grey pixel of a Radiance file: three mantissas of 8 bits and an exponent."""
+    mantissa, exponent = math.frexp(grey)
+    return bytes([int(mantissa * 256)] * 3 + [exponent + 128])
+
+
+def sky():
+    """A Radiance file: a sky that is brighter at the horizon, black ground, and a sun of one texel, four times as
+    bright as the sky together."""
+    width, height = 128, 64
+    sun = (int((0.5 + math.atan2(0.1, 1) / (2 * math.pi)) * width), int(math.acos(0.5) / math.pi * height))
+    pixels = b""
+    for row in range(height):
+        elevation = math.pi / 2 - math.pi * (row + 0.5) / height
+        for column in range(width):
+            grey = 0 if elevation < 0 else 30 - 20 * math.sin(elevation)
+            pixels += radiance_bytes(240000 if (column, row) == sun else grey)
+    return f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode() + pixels
+
+
+SCENES = (*make_scenes.BATTERY, door_gap, small_sun_ball, window_sky)
 
 
 def main():
@@ -57,6 +83,7 @@ def main():
     folder.mkdir(parents=True, exist_ok=True)
     for make in SCENES:
         (folder / f"{make.__name__}.gltf").write_text(make().text())
+    (folder / "sky.hdr").write_bytes(sky())
 
 
 if __name__ == "__main__":

@@ -170,6 +170,28 @@ TEST(Environment, SamplesFollowPdf) {  // hard cases 55, 56
   EXPECT_GT(left, 0.01 * map.power());
 }
 
+TEST(Environment, UnsampledPartIsItsShareOfThePower) {
+  std::vector<float> texels(32 * 16 * 3);
+  for (std::size_t i = 0; i < texels.size(); ++i) texels[i] = static_cast<float>(i / (32 * 3));
+  texels[200 * 3] = 1000;  // a red sun in a sky that gets brighter downwards
+  Scene scene;
+  set_sky(&scene, 32, 16, texels);
+  scene.environment.strength = 2.5;
+  const render::EnvironmentMap map(scene);
+  constexpr int kSphere = 400'000;
+  double whole = 0, unsampled = 0;
+  for (int i = 0; i < kSphere; ++i) {
+    const Vec3f radiance = map.radiance(spread(i, kSphere)), part = map.unsampled(radiance);
+    ASSERT_LE(part.x, radiance.x);
+    whole += luminance(radiance);
+    unsampled += luminance(part);
+  }
+  // Around the sun the filtered radiance exceeds the mean by less than the texels do.
+  EXPECT_NEAR(unsampled / whole, map.unsampled_share(), 0.02);
+  EXPECT_GT(map.unsampled_share(), 0.5);
+  EXPECT_LT(map.unsampled_share(), 0.9);
+}
+
 /// Excess of the texels' luminance over the mean of the sphere, as rows of `width`.
 std::vector<double> excesses(const std::vector<float>& texels, int width, int height) {
   double mean = 0;

@@ -75,11 +75,12 @@ Scene room_with_window() {
 }
 
 /// A closed room on a large ground, which the sky lights through a window in its right wall.
-Scene closed_room() {
+Scene closed_room(float window_width = 1.6f) {
   Scene scene = empty_scene();
   Material white = lambert({0.7f, 0.7f, 0.7f});
   white.double_sided = true;
   const auto wall = add_material(&scene, white);
+  const float beside = 0.5f * (4 - window_width);
   for (const auto& shape : {quad({-2, -1, 2}, {4, 0, 0}, {0, 0, -4}, wall),
                             quad({-2, 2, -2}, {4, 0, 0}, {0, 0, 4}, wall),
                             quad({-2, -1, -2}, {4, 0, 0}, {0, 3, 0}, wall),
@@ -87,8 +88,8 @@ Scene closed_room() {
                             quad({-2, -1, -2}, {0, 0, 4}, {0, 3, 0}, wall),
                             quad({2, -1, -2}, {0, 0, 4}, {0, 0.8f, 0}, wall),
                             quad({2, 1.2f, -2}, {0, 0, 4}, {0, 0.8f, 0}, wall),
-                            quad({2, -0.2f, -2}, {0, 0, 1.2f}, {0, 1.4f, 0}, wall),
-                            quad({2, -0.2f, 0.8f}, {0, 0, 1.2f}, {0, 1.4f, 0}, wall),
+                            quad({2, -0.2f, -2}, {0, 0, beside}, {0, 1.4f, 0}, wall),
+                            quad({2, -0.2f, 2 - beside}, {0, 0, beside}, {0, 1.4f, 0}, wall),
                             quad({-9, -1.1f, 9}, {18, 0, 0}, {0, 0, -18}, wall)}) {
     add_primitive(&scene, shape);
   }
@@ -169,6 +170,17 @@ TEST(Guiding, CagedLampHasSameMeanAndLessNoise) {
 
 TEST(Guiding, RoomWithWindowHasSameMean) {
   RecordProperty("gain", std::to_string(expect_same_mean(room_with_window(), 1024, 2048)));
+}
+
+/// Light sampling chooses the sun, which is below the ground.
+TEST(Guiding, RoomUnderSkyWithSunHasSameMeanAndLessNoise) {
+  Scene scene = closed_room(0.4f);
+  std::vector<float> sky(64 * 32 * 3, 3.0f);
+  for (std::size_t c = 0; c < 3; ++c) sky[(24 * 64 + 2) * 3 + c] = 20000;
+  set_sky(&scene, 64, 32, sky);
+  const double gain = expect_same_mean(scene, 512, 2048);
+  RecordProperty("gain", std::to_string(gain));
+  EXPECT_GT(gain, 1.2);  // like under a sky without a sun
 }
 
 TEST(Guiding, MixedMaterialsHaveSameMean) {

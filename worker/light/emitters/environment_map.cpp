@@ -89,6 +89,13 @@ void EnvironmentMap::build() {
   }
   // Slightly increased, so that rounding gives uniform maps no texel above the mean.
   mean_ = static_cast<float>(power_ / (4 * kPi) * (1 + 0x1p-16));
+  for (std::int32_t j = 0; j < height_; ++j) {
+    const double above = elementary::cos(kPi * j / height_);
+    const double below = elementary::cos(kPi * (j + 1) / height_);
+    double row = 0;
+    for (std::int32_t i = 0; i < width_; ++i) row += excess(fetch(i, j));
+    excess_power_ += row * (above - below) * 2 * kPi / width_;
+  }
   row_cdf_.assign(h + 1, 0);
   cdf_.assign(h * (w + 1), 0);
   for (std::size_t j = 0; j < h; ++j) {
@@ -134,6 +141,11 @@ EnvironmentMap::Sample EnvironmentMap::sample(double u1, double u2) const {
   s.radiance = found.radiance;
   s.pdf = found.pdf;
   return s;
+}
+
+Vec3f EnvironmentMap::unsampled(const Vec3f& radiance) const {
+  const float whole = luminance(radiance), limit = mean_ * strength_;
+  return whole > limit ? radiance * (limit / whole) : radiance;
 }
 
 double EnvironmentMap::power() const {
