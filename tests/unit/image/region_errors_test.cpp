@@ -51,7 +51,7 @@ TEST(RegionErrors, EmptyRegionHasNone) {
 }
 
 /// Mean and spread of the estimate over many regions with noise.
-TEST(RegionErrors, EstimateIsUnbiasedAndSpreadIsThatOfItsNoise) {
+TEST(RegionErrors, EstimateIsUnbiasedWithSpreadOfItsNoise) {
   std::mt19937 random(11);
   std::normal_distribution<double> normal;
   constexpr int kRegions = 20000, kPixels = 16;
