@@ -22,8 +22,9 @@ DenoisedError denoised_error(const DenoiseSums& sums, double quantile) {
   const double terms = 3 * static_cast<double>(sums.pixels);
   double scaled = 0, upper = 0;
   const auto consider = [&](const ErrorEstimate& estimate) {
-    scaled = std::max(scaled, estimate.scaled);
-    upper = std::max(upper, estimate.scaled + quantile * std::sqrt(estimate.spread));
+    const double bound = estimate.scaled + quantile * std::sqrt(estimate.spread);
+    if (!(estimate.scaled <= scaled)) scaled = estimate.scaled;  // keeps NaN
+    if (!(bound <= upper)) upper = bound;
   };
   consider(sums.pixel_by_pixel);
   for (const ErrorEstimate& estimate : sums.by_regions) consider(estimate);

@@ -22,9 +22,9 @@ struct DenoiseSums {
 
 /// Estimated error of a denoised image, in the measure of error-estimation.md.
 struct DenoisedError {
-  /// The largest of the estimates of the sums, and the largest of their bounds.
+  /// Root mean squares: the largest of all estimates, and the largest of all bounds.
   double error = 0, error_upper95 = 0;
-  double n_eff = 0;  // effective number of pixels that carry the estimate
+  double n_eff = 0;  // effective number of pixels that carry the estimate of single pixels
   double raw_share = 0;
 };
 

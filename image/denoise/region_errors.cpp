@@ -6,8 +6,8 @@
 namespace tessera::image {
 namespace {
 
-/// Standard deviation of the product of two independent estimates, whose product is `product`, with
-/// the variance `noise` each.
+/// Standard deviation of the product of two independent estimates of one value, each with the
+/// variance `noise`. `product` estimates the squared value.
 double product_deviation(double product, double noise) {
   return std::sqrt(noise * noise + 2 * noise * std::max(product, 0.0));
 }
@@ -31,7 +31,7 @@ void RegionSums::add(const RegionSums& other) {
 
 ErrorEstimate RegionSums::estimate() const {
   if (pixels == 0) return {};
-  // The noise of the channels is that of the same samples, so their deviations add up.
+  // The channels share samples, so their errors may be fully correlated: deviations add up.
   double scaled = 0, first_deviation = 0, second_deviation = 0;
   for (const Channel& sums : channels) {
     const double first = sums.first[0] * sums.first[1], second = sums.second[0] * sums.second[1];

@@ -7,8 +7,8 @@
 
 namespace tessera::image {
 
-/// Σ over pixels and channels of an estimated squared error ÷ (d² + 0.01 m²), and a bound of the
-/// variance of this sum, given the denoised halves.
+/// Σ over pixels and channels of an estimated squared error ÷ (d² + 0.01 m²), and the estimated
+/// variance of this sum, at least what it is for dependent halves.
 struct ErrorEstimate {
   double scaled = 0, spread = 0;
 
@@ -18,11 +18,11 @@ struct ErrorEstimate {
   }
 };
 
-/// Sums over the pixels of a region. They estimate the part of its squared error that light lost or
-/// added everywhere in the region causes: the pixels' errors e are at least (Σe)² ÷ their number.
+/// Sums over the pixels of a region. They estimate the part of its squared error that is common to
+/// all of its pixels: with errors e, Σe² over N pixels is at least (Σe)² ÷ N.
 ///
-/// A filter that drops rare bright samples has an error that no single pixel shows, because hardly
-/// any pixel is hit in both streams that measure it. Many pixels together are hit in both.
+/// The error of a filter that drops rare bright samples is hardly visible in single pixels, because
+/// few pixels are hit in both streams that measure it. Many pixels together are hit in both.
 struct RegionSums {
   /// All values are divided by √(d² + 0.01 m²) of their pixel.
   struct Channel {
@@ -48,12 +48,12 @@ class RegionGrid {
  public:
   RegionGrid(std::size_t width, std::size_t height);
 
-  /// The smallest region around a pixel of the part.
+  /// The smallest region that contains a pixel of the part.
   RegionSums& at(std::size_t x, std::size_t y) {
     return regions_[y / kLeastRegionSide * columns_ + x / kLeastRegionSide];
   }
   /// Adds the estimates of the regions of each size to `estimates`, and the sums of the whole part
-  /// to `whole`. The grid is used up.
+  /// to `whole`. Call it once: it joins the regions.
   void add_to(std::array<ErrorEstimate, kRegionSides>& estimates, RegionSums& whole);
 
  private:

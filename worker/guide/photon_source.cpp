@@ -43,11 +43,8 @@ PhotonSource::PhotonSource(const Scene& scene, const ShadingScene& shading,
   add_emitters();
   add_punctual();
   if (lights.environment() != nullptr) {
-    const double power =
-        lights.environment()->is_constant()
-            ? 4 * double{kPi} * luminance(lights.environment()->radiance({0, 1, 0}))
-            : lights.environment()->power();
-    add({Kind::environment, {}, 0, 0, {}}, power * double{kPi} * double{radius_} * double{radius_});
+    add({Kind::environment, {}, 0, 0, {}},
+        lights.environment()->power() * double{kPi} * double{radius_} * double{radius_});
   }
   choice_ = DiscreteDistribution(powers_);
 }

@@ -423,7 +423,7 @@ TEST(FrameDenoiser, LightOfRemovedSpikesIsInTheError) {
     estimate += error.error * error.error / kSeeds;
     truth += square / kSeeds;
   }
-  EXPECT_GE(held, kSeeds - 3);
+  EXPECT_GE(held, kSeeds - 2);
   EXPECT_GT(estimate, 0.5 * truth);
   EXPECT_LT(estimate, 1.2 * truth);
 }

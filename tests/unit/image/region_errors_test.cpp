@@ -50,6 +50,17 @@ TEST(RegionErrors, EmptyRegionHasNone) {
   EXPECT_EQ(RegionSums().estimate().spread, 0);
 }
 
+TEST(RegionErrors, PixelThatIsNotANumberMakesTheErrorSo) {
+  DenoiseSums sums;
+  RegionGrid grid(8, 8);
+  add_pixel(grid.at(0, 0), 0.1, 0.1, {});
+  add_pixel(grid.at(7, 7), NAN, 0.1, {});
+  grid.add_to(sums.by_regions, sums.frame);
+  sums.pixels = 2;
+  EXPECT_TRUE(std::isnan(denoised_error(sums).error));
+  EXPECT_TRUE(std::isnan(denoised_error(sums).error_upper95));
+}
+
 /// Mean and spread of the estimate over many regions with noise.
 TEST(RegionErrors, EstimateIsUnbiasedWithSpreadOfItsNoise) {
   std::mt19937 random(11);

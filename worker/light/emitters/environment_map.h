@@ -43,9 +43,10 @@ class EnvironmentMap {
   /// importance sampling", 2019.
   Sample sample(double u1, double u2) const;
 
-  /// The part of a direction's radiance that sample() leaves to BSDF sampling: up to the mean.
+  /// The radiance of a direction, limited to the mean luminance. This part is not in the density of
+  /// sample(). Requires !is_constant().
   Vec3f unsampled(const Vec3f& radiance) const;
-  /// Share of this part in power(). Requires !is_constant().
+  /// Share of this part in power(), computed from unfiltered texels. Requires !is_constant().
   double unsampled_share() const { return 1 - excess_power_ / power_; }
 
   /// Density of sample() at `d`; 0 if no texel around it is brighter than the mean.
@@ -73,7 +74,7 @@ class EnvironmentMap {
   float density_scale_ = 0;       // from excess times sine per texel to density over solid angle
   double total_ = 0;              // sum of excess times row sine
   double power_ = 0;              // integral of luminance over the sphere, before strength
-  double excess_power_ = 0;       // the same of what exceeds the mean
+  double excess_power_ = 0;       // the same for the excess over the mean
 };
 
 }  // namespace tessera::render
