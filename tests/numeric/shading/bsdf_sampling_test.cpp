@@ -278,19 +278,29 @@ TEST(BsdfSampling, DirectionsFollowDensity) {               // hard case 48
 }
 
 constexpr int kPairs = 100'000;
+/// Least cosines of the pairs. At grazing angles half vectors lose digits, which the second bound
+/// allows for.
+struct Grazing {
+  float cosine;
+  double bound;
+};
+constexpr Grazing kReflection[] = {{0.05f, 1e-5}, {0.005f, 3e-5}};
+constexpr Grazing kTransmission[] = {{0.05f, 3e-5}, {0.01f, 1e-4}};
 
 TEST(BsdfReciprocity, ReflectionIsSymmetric) {  // hard case 47
   Random random(3);
   for (const Lobe& lobe : opaque_lobes()) {
     if (bsdf_of(lobe, {0, 0, 1}).alpha < 0.01f) continue;  // no pair meets so narrow a lobe
-    double worst = 0;
-    for (int i = 0; i < kPairs; ++i) {
-      const Vec3f a = random.direction(0.005f), b = random.direction(0.005f);
-      const float there = evaluate_bsdf(bsdf_of(lobe, a), b).f_cos.x / b.z;
-      const float back = evaluate_bsdf(bsdf_of(lobe, b), a).f_cos.x / a.z;
-      worst = std::max(worst, static_cast<double>(std::fabs(there - back) / (1 + there)));
+    for (const Grazing& grazing : kReflection) {
+      double worst = 0;
+      for (int i = 0; i < kPairs; ++i) {
+        const Vec3f a = random.direction(grazing.cosine), b = random.direction(grazing.cosine);
+        const float there = evaluate_bsdf(bsdf_of(lobe, a), b).f_cos.x / b.z;
+        const float back = evaluate_bsdf(bsdf_of(lobe, b), a).f_cos.x / a.z;
+        worst = std::max(worst, static_cast<double>(std::fabs(there - back) / (1 + there)));
+      }
+      EXPECT_LE(worst, grazing.bound) << lobe.name << ", " << grazing.cosine;
     }
-    EXPECT_LE(worst, 4e-5) << lobe.name;  // float: half vectors of grazing pairs
   }
 }
 
@@ -307,18 +317,22 @@ TEST(BsdfReciprocity, TransmissionIsSymmetricUpToEta2) {  // hard case 47
     const double n2 = solid ? 2.25 : 1;
     Lobe behind = lobe;
     behind.parameters.front = false;
-    double worst = 0;
-    for (int i = 0; i < kPairs; ++i) {
-      const Vec3f a = random.direction(0.01f), b = -random.direction(0.01f);
-      const Bsdf from_a = bsdf_of(lobe, a), from_b = bsdf_of(behind, b);
-      const double there = static_cast<double>(evaluate_bsdf(from_a, b).f_cos.x / -b.z) / n2 /
-                           static_cast<double>(from_a.transmit_gain);
-      const double back = static_cast<double>(evaluate_bsdf(from_b, a).f_cos.x / a.z) /
-                          static_cast<double>(from_b.transmit_gain);
-      worst = std::max(worst, std::fabs(there - back) / (1 + there));
+    for (const Grazing& grazing : kTransmission) {
+      double worst = 0;
+      for (int i = 0; i < kPairs; ++i) {
+        const Vec3f a = random.direction(grazing.cosine), b = -random.direction(grazing.cosine);
+        const Bsdf from_a = bsdf_of(lobe, a), from_b = bsdf_of(behind, b);
+        const double there = static_cast<double>(evaluate_bsdf(from_a, b).f_cos.x / -b.z) / n2 /
+                             static_cast<double>(from_a.transmit_gain);
+        const double back = static_cast<double>(evaluate_bsdf(from_b, a).f_cos.x / a.z) /
+                            static_cast<double>(from_b.transmit_gain);
+        worst = std::max(worst, std::fabs(there - back) / (1 + there));
+      }
+      // Wax is divided by the mean transmittance of each side, from tables that are not exactly a
+      // factor of n² apart.
+      EXPECT_LE(worst, lobe.name == "wax" ? 2.5e-2 : grazing.bound)
+          << lobe.name << ", " << grazing.cosine;
     }
-    // Wax is normalised by the mean albedos of both sides, which are rounded differently.
-    EXPECT_LE(worst, lobe.name == "wax" ? 2.5e-2 : lobe.name == "glass" ? 5e-4 : 1e-4) << lobe.name;
   }
 }
 
