@@ -12,23 +12,23 @@ picture() {
   local name=$1 scene=$2
   shift 2
   [ "$wanted" = "  " ] || [[ $wanted == *" $name "* ]] || return 0
-  tessera render "$scenes/$scene.gltf" --output "$here/$name.jpg" --force "$@"
+  tessera render "$scenes/$scene.gltf" --output "$here/$name.jpg" --force --denoise "$@"
 }
 
 picture lens lens --size 420x210 --spp 128
 picture motion motion --frames 12 --size 420x230 --spp 192
 picture panning motion --camera panning --frames 12 --size 420x230 --spp 192
 picture textures textures --size 480x208 --spp 64
-picture optics optics --size 360x200 --spp 96 --clamp 4
+picture optics optics --size 360x200 --spp 96
 picture nested nested --size 360x190 --spp 64
-picture materials materials --size 400x240 --spp 64 --clamp 4
-picture shapes shapes --size 400x240 --spp 64 --clamp 4
-picture planes planes --size 420x236 --spp 128 --clamp 4 --background 0.45,0.62,0.9
+picture materials materials --size 400x240 --spp 64
+picture shapes shapes --size 400x240 --spp 64
+picture planes planes --size 420x236 --spp 128 --background 0.45,0.62,0.9
 picture lamps lamps --size 420x190 --spp 192
-picture csg csg --size 400x240 --spp 64 --clamp 4
-picture blobs blobs --size 420x270 --spp 128 --clamp 4
+picture csg csg --size 400x240 --spp 64
+picture blobs blobs --size 420x270 --spp 128
 picture fog fog --size 400x225 --spp 128
-picture flame flame --size 420x236 --spp 176 --clamp 8
+picture flame flame --size 420x236 --spp 176
 picture underwater underwater --size 420x236 --spp 144 --clamp 3
 picture terrain terrain --size 400x225 --spp 64
 picture course course --size 640x360 --spp 64

@@ -35,6 +35,7 @@ OPTIONS = {
     "--half": ["--half"],
     "--filter gaussian": ["--filter", "gaussian"],
     "--denoise": ["--denoise"],
+    "--guiding": ["--guiding"],
     "--accelerator bvh2": ["--accelerator", "bvh2"],
 }
 REFERENCE_SEED = 1000
