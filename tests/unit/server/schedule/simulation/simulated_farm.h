@@ -33,7 +33,7 @@ class Dice {
 /// unit is leased again but for an audit, that no unit is leased before the jobs that its own waits
 /// for, to a worker that is set aside or blocked for its job, or while its owner's budget is used
 /// up, that no limit is exceeded but by units that workers brought back, and at the end that every
-/// job is done and owners had their shares.
+/// job is done and no worker holds units. fair_share_test.cpp tests the shares of owners.
 class SimulatedFarm {
  public:
   explicit SimulatedFarm(std::uint64_t seed);
