@@ -151,7 +151,9 @@ absl::Status FarmLoader::note_removed(FarmChange& change, const std::string& job
     const auto state = parts_.store.jobs().removed_state(dependency.job_id);
     if (!state.ok()) return state.status();
     if (!state->has_value()) continue;
-    change.scheduler().lifecycle().note_removed(dependency.job_id, static_cast<JobState>(**state));
+    // A job without a row was done: its removal before that would have failed this job.
+    const JobState ended = **state == 0 ? JobState::done : static_cast<JobState>(**state);
+    change.scheduler().lifecycle().note_removed(dependency.job_id, ended);
   }
   return absl::OkStatus();
 }

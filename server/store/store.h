@@ -34,6 +34,8 @@ struct StoreOptions {
   int slack_pages = 256;
   /// Number of events that are kept.
   std::int64_t max_events = 200'000;
+  /// Number of removed jobs whose rows are kept.
+  std::int64_t max_removed_jobs = 200'000;
   /// Wall clock, µs since 1970; empty: the system's. Used only for the age of assets and joins.
   std::function<std::int64_t()> now_us;
   /// Called with a message when a sync fails. Must not return except in a test, where all later

@@ -12,7 +12,7 @@ absl::StatusOr<std::vector<UsageSum>> UsageRows::read(const UsageQuery& query,
         "CASE ?2 WHEN 1 THEN project ELSE '' END AS by_project, "
         "CASE ?3 WHEN 1 THEN sequence ELSE 0 END AS by_job, "
         "CASE ?3 WHEN 1 THEN id ELSE '' END, CASE ?3 WHEN 1 THEN name ELSE '' END, "
-        "SUM(usage.units), TOTAL(usage.cpu_seconds) FROM usage JOIN jobs ON job=sequence "
+        "SUM(units), TOTAL(cpu_seconds) FROM accounts "
         "WHERE hour>=?4 AND hour<?5 AND (?6=0 OR owner=?7) AND (?8=0 OR project=?9) "
         "GROUP BY by_owner, by_project, by_job "
         "HAVING ?10=0 OR (by_owner, by_project, by_job)>(?11, ?12, ?13) "
@@ -53,7 +53,7 @@ absl::StatusOr<double> UsageRows::cpu_seconds(const UsageQuery& query) const {
   double sum = 0;
   absl::Status status = journal_.read_as_writer([&](Database& rows) {
     return rows.each(
-        "SELECT TOTAL(usage.cpu_seconds) FROM usage JOIN jobs ON job=sequence "
+        "SELECT TOTAL(cpu_seconds) FROM accounts "
         "WHERE hour>=?1 AND hour<?2 AND (?3=0 OR owner=?4) AND (?5=0 OR project=?6)",
         {query.first_hour, query.end_hour, std::int64_t{query.owner.has_value()},
          query.owner ? std::string_view(*query.owner) : "", std::int64_t{query.project.has_value()},

@@ -14,7 +14,8 @@ namespace tessera::server {
 /// Accounts are kept by hours since 1970.
 inline constexpr std::int64_t kHourUs = std::int64_t{3600} * 1'000'000;
 
-/// CPU time of a group of jobs. Fields by which a query does not group are empty.
+/// CPU time of a group of jobs. Fields by which a query does not group are empty, and so are those
+/// of jobs that were removed long ago.
 struct UsageSum {
   std::string owner, project;
   std::int64_t job = 0;  // JobRecord::sequence

@@ -1,5 +1,6 @@
 #include "server/store/jobs/job_rows.h"
 
+#include <algorithm>
 #include <string_view>
 #include <utility>
 #include <variant>
@@ -38,6 +39,13 @@ JobRecord read_job(const SqlRow& row) {
 }
 
 }  // namespace
+
+absl::Status JobRows::open() {
+  return journal_.read_as_writer([&](Database& rows) {
+    return rows.each("SELECT COUNT(*) FROM jobs WHERE removed=1", {},
+                     [&](const SqlRow& row) { removed_count_ = row.integer(0); });
+  });
+}
 
 absl::Status JobRows::add(JobRecord& job) {
   if (!is_plain_name(job.id)) {
@@ -105,12 +113,42 @@ absl::Status JobRows::remove(const std::string& job_id) {
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
+  ++removed_count_;
+  drop_old_rows().IgnoreError();  // on a full disk, a later removal does it
   return journal_.after_write([this, job_id, units = *unit_bytes, frames = *frame_bytes] {
     absl::Status removed = units_.remove_files(job_id, units);
     removed.Update(frames_.remove_files(job_id, frames));
     reserve_.set_up();
     return removed;
   });
+}
+
+/// Deletes the rows of the jobs that were submitted first of those that are removed, once there are
+/// many more than are kept. Their usage stays, without the jobs.
+absl::Status JobRows::drop_old_rows() {
+  const std::int64_t excess = removed_count_ - max_removed_;
+  if (excess < std::max<std::int64_t>(max_removed_ / 20, 1)) return absl::OkStatus();
+  absl::Status status = journal_.write([&](Database& rows) {
+    std::int64_t last = 0;
+    absl::Status dropped = rows.each(
+        "SELECT sequence FROM jobs WHERE removed=1 ORDER BY sequence LIMIT 1 OFFSET ?",
+        {excess - 1}, [&](const SqlRow& row) { last = row.integer(0); });
+    for (const std::string_view sql :
+         {"INSERT INTO past_usage(hour, owner, project, units, cpu_seconds) "
+          "SELECT hour, owner, project, SUM(units), TOTAL(cpu_seconds) "
+          "FROM usage JOIN jobs ON job=sequence WHERE removed=1 AND sequence<=? "
+          "GROUP BY hour, owner, project "
+          "ON CONFLICT(hour, owner, project) DO UPDATE SET units=units+excluded.units, "
+          "cpu_seconds=cpu_seconds+excluded.cpu_seconds",
+          "DELETE FROM usage WHERE job IN "
+          "(SELECT sequence FROM jobs WHERE removed=1 AND sequence<=?)",
+          "DELETE FROM jobs WHERE removed=1 AND sequence<=?"}) {
+      if (dropped.ok()) dropped = rows.run(sql, {last});
+    }
+    return dropped;
+  });
+  if (status.ok()) removed_count_ -= excess;
+  return status;
 }
 
 absl::StatusOr<std::vector<JobRecord>> JobRows::list() const {
@@ -128,10 +166,13 @@ absl::StatusOr<std::vector<JobRecord>> JobRows::list() const {
 
 absl::StatusOr<std::optional<std::int32_t>> JobRows::removed_state(
     const std::string& job_id) const {
-  std::optional<std::int32_t> state;
+  std::optional<std::int32_t> state = 0;
   absl::Status status = journal_.read([&](Database& rows) {
-    return rows.each("SELECT state FROM jobs WHERE removed=1 AND id=?", {job_id},
-                     [&](const SqlRow& row) { state = static_cast<std::int32_t>(row.integer(0)); });
+    return rows.each("SELECT removed, state FROM jobs WHERE id=?", {job_id},
+                     [&](const SqlRow& row) {
+                       state.reset();
+                       if (row.integer(0) == 1) state = static_cast<std::int32_t>(row.integer(1));
+                     });
   });
   if (!status.ok()) return status;
   return state;

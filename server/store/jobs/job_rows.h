@@ -15,8 +15,15 @@ namespace tessera::server {
 /// Jobs as rows of the journal.
 class JobRows final : public JobStore {
  public:
-  JobRows(Journal& journal, DiskReserve& reserve, UnitRows& units, FrameRows& frames)
-      : journal_(journal), reserve_(reserve), units_(units), frames_(frames) {}
+  JobRows(Journal& journal, DiskReserve& reserve, UnitRows& units, FrameRows& frames,
+          std::int64_t max_removed)
+      : journal_(journal),
+        reserve_(reserve),
+        units_(units),
+        frames_(frames),
+        max_removed_(max_removed) {}
+  /// Reads how many removed jobs have rows.
+  absl::Status open();
 
   absl::Status add(JobRecord& job) override;
   absl::Status update(const JobRecord& job) override;
@@ -28,11 +35,14 @@ class JobRows final : public JobStore {
 
  private:
   static absl::Status update_row(Database& rows, const JobRecord& job);
+  absl::Status drop_old_rows();
 
   Journal& journal_;
   DiskReserve& reserve_;
   UnitRows& units_;
   FrameRows& frames_;
+  const std::int64_t max_removed_;
+  std::int64_t removed_count_ = 0;  // rows of removed jobs
 };
 
 }  // namespace tessera::server

@@ -44,13 +44,15 @@ class JobStore {
   /// have, in one transaction. Errors: NotFound.
   virtual absl::Status rewrite(const JobRecord& job,
                                const std::vector<contract::Unit>& dropped) = 0;
-  /// Deletes the job's rows, segments and outputs. Its ID stays reserved; its name, owner and
-  /// project stay for the accounts. Errors: NotFound.
+  /// Deletes the job's rows, segments and outputs. Of the newest removed jobs
+  /// (StoreOptions::max_removed_jobs, and up to 5 % more) the IDs stay reserved, and the accounts
+  /// name the jobs; of older ones only the usage stays. Errors: NotFound.
   virtual absl::Status remove(const std::string& job_id) = 0;
 
   /// Returns all jobs in order of sequence.
   virtual absl::StatusOr<std::vector<JobRecord>> list() const = 0;
-  /// Returns the state (v1.Job.State) in which a job was removed; nullopt for any other job.
+  /// Returns the state (v1.Job.State) in which a job was removed; nullopt for a job that is not
+  /// removed; 0 for one without a row, which was removed long ago.
   virtual absl::StatusOr<std::optional<std::int32_t>> removed_state(
       const std::string& job_id) const = 0;
 };

@@ -22,7 +22,7 @@ CREATE TABLE jobs(
   sequence INTEGER PRIMARY KEY AUTOINCREMENT,
   id TEXT NOT NULL UNIQUE,
   request_id TEXT UNIQUE,
-  removed INTEGER NOT NULL DEFAULT 0,        -- the row stays, so that the IDs stay taken
+  removed INTEGER NOT NULL DEFAULT 0,        -- the newest rows stay, so that the IDs stay taken
   first_segment INTEGER NOT NULL DEFAULT 0,  -- blocks in earlier segments are released
   name TEXT NOT NULL,
   owner TEXT NOT NULL,
@@ -155,6 +155,20 @@ CREATE TABLE events(  -- the newest
   text TEXT NOT NULL);
 ALTER TABLE store ADD COLUMN dropped_event INTEGER NOT NULL DEFAULT 0;  -- up to which events are missing
 UPDATE store SET dropped_event=(boot_count + 1) << 40;  -- sequences of earlier processes are below
+)sql",
+    R"sql(
+CREATE TABLE past_usage(  -- of removed jobs whose rows are deleted
+  hour INTEGER NOT NULL,
+  owner TEXT NOT NULL,
+  project TEXT NOT NULL,
+  units INTEGER NOT NULL,
+  cpu_seconds REAL NOT NULL,
+  PRIMARY KEY (hour, owner, project)) WITHOUT ROWID;
+CREATE VIEW accounts AS
+  SELECT hour, owner, project, sequence, id, name, usage.units AS units,
+    usage.cpu_seconds AS cpu_seconds FROM usage JOIN jobs ON job=sequence
+  UNION ALL SELECT hour, owner, project, 0, '', '', units, cpu_seconds FROM past_usage;
+CREATE INDEX removed_jobs ON jobs(sequence) WHERE removed=1;
 )sql",
 };
 

@@ -25,6 +25,7 @@ inline std::string sql_to_older_schema(std::int64_t version) {
       "DROP TABLE usage; DROP TABLE events; ALTER TABLE units DROP COLUMN hour; "
       "ALTER TABLE jobs DROP COLUMN project; ALTER TABLE jobs DROP COLUMN failed_attempts; "
       "ALTER TABLE store DROP COLUMN dropped_event;",
+      "DROP VIEW accounts; DROP TABLE past_usage; DROP INDEX removed_jobs;",
   };
   std::string sql;
   for (std::int64_t step = schema_version() - 1; step >= version; --step) {

@@ -48,9 +48,11 @@ class MemoryJobs final : public JobStore {
   absl::StatusOr<std::optional<std::int32_t>> removed_state(
       const std::string& job_id) const override {
     const std::lock_guard lock(rows_.mutex);
+    for (const auto& [sequence, job] : rows_.jobs) {
+      if (job.id == job_id) return std::nullopt;
+    }
     const auto found = rows_.removed.find(job_id);
-    if (found == rows_.removed.end()) return std::nullopt;
-    return found->second;
+    return found == rows_.removed.end() ? 0 : found->second;
   }
   absl::Status rewrite(const JobRecord& job, const std::vector<contract::Unit>& dropped) override {
     const std::lock_guard lock(rows_.mutex);

@@ -45,6 +45,11 @@ class MemoryStore final : public Store {
     }
     /// Number of calls of write_together().
     int transaction_count() const { return store_.transaction_count_; }
+    /// Deletes the rows of removed jobs, as after many removals.
+    void forget_removed_jobs() {
+      const std::lock_guard lock(store_.rows_.mutex);
+      store_.rows_.removed.clear();
+    }
     void reboot() { ++store_.boot_count_; }
     void set_used_bytes(std::int64_t bytes) { store_.used_bytes_ = bytes; }
     void set_free_bytes(std::int64_t bytes) { store_.free_bytes_ = bytes; }

@@ -102,6 +102,21 @@ TEST_F(JobOrderTest, RemovalAfterSuccessOutlivesRestart) {
   EXPECT_EQ(view(second).state, JobState::done);
 }
 
+TEST_F(JobOrderTest, RemovalLongAgoWasAfterSuccess) {
+  const std::string first = create_job("a");
+  TestWorker worker = join("w");
+  finish_job(worker, first);
+  const std::string second = create_after("b", first, Kind::success);
+  ASSERT_TRUE(change(second, JobAdmin::Change::pause).ok());
+  ASSERT_TRUE(remove(first).ok());
+  store.controls().forget_removed_jobs();
+  start();
+  ASSERT_TRUE(change(second, JobAdmin::Change::resume).ok());
+  worker = join("w");
+  finish_job(worker, second);
+  EXPECT_EQ(view(second).state, JobState::done);
+}
+
 TEST_F(JobOrderTest, RemovalBeforeSuccessFailsDependent) {
   const std::string first = create_job("a");
   const std::string second = create_after("b", first, Kind::success);

@@ -2,6 +2,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "tests/unit/server/store/store_fixture.h"
 
 namespace tessera::server {
@@ -141,6 +142,33 @@ TEST_F(AccountsTest, DoneAndRemovedJobsStayInTheAccounts) {
   EXPECT_EQ(sums[0].project, "film");
   EXPECT_EQ(sums[0].job_name, "a");
   EXPECT_EQ(sums[0].units, 2);
+}
+
+TEST_F(AccountsTest, UsageOfJobsRemovedLongAgoHasNoJob) {
+  max_removed_jobs_ = 2;
+  open();
+  for (const std::string id : {"a", "b", "c", "d", "e"}) {
+    add(id, id == "b" ? "ben" : "ann", "film");
+    commit(id, 0, 1);
+  }
+  now_us_ += kHourUs;
+  commit("a", 1, 2);
+  for (const std::string id : {"d", "a", "c", "b"}) {
+    ASSERT_TRUE(store().jobs().remove(id).ok());
+    open();  // the number of removed jobs is read again
+  }
+  const auto jobs = read({.by_owner = true, .by_project = true, .by_job = true});
+  std::string seen;
+  for (const UsageSum& sum : jobs) {
+    seen += absl::StrCat(sum.owner, "/", sum.project, "/", sum.job_id, ":", sum.units, " ");
+  }
+  EXPECT_EQ(seen, "ann/film/:3 ann/film/c:1 ann/film/d:1 ann/film/e:1 ben/film/:1 ");
+  EXPECT_EQ(read({.first_hour = 101}).at(0).units, 2) << "hours are kept";
+  EXPECT_EQ(all_seconds(), 7 * 0.25);
+  EXPECT_EQ(*store().usage().cpu_seconds({.owner = "ann", .project = "film"}), 6 * 0.25);
+  EXPECT_EQ(*store().jobs().removed_state("a"), 0) << "has no row";
+  EXPECT_EQ(store().jobs().removed_state("e")->has_value(), false) << "is not removed";
+  expect_consistent();
 }
 
 }  // namespace

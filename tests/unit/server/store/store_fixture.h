@@ -29,6 +29,7 @@ class StoreFixture : public ::testing::Test {
     options.checkpoint_pages = checkpoint_pages_;
     options.now_us = [this] { return now_us_; };
     options.max_events = max_events_;
+    options.max_removed_jobs = max_removed_jobs_;
     auto store = Store::open(path(), real_filesystem(), options);
     ASSERT_TRUE(store.ok()) << store.status();
     store_ = *std::move(store);
@@ -127,6 +128,7 @@ class StoreFixture : public ::testing::Test {
   int slack_pages_ = 256, checkpoint_pages_ = 2000;
   std::int64_t now_us_ = 100 * kHourUs;
   std::int64_t max_events_ = 200'000;
+  std::int64_t max_removed_jobs_ = 200'000;
 };
 
 }  // namespace tessera::server
