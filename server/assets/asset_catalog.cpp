@@ -106,21 +106,21 @@ void AssetCatalog::add_job(JobKey key, const JobSpec& spec) {
   for (const auto& [digest, size] : bytes) owned_.add_job(spec.owner, digest, size);
 }
 
-absl::Status AssetCatalog::release(JobKey key, const JobSpec& spec) {
-  const std::vector<contract::Digest> digests = spec.asset_digests();
-  absl::Status status = store_.assets().release(digests);
-  {
+absl::Status AssetCatalog::release(const std::map<JobKey, std::shared_ptr<const JobSpec>>& jobs) {
+  std::set<contract::Digest> released;
+  for (const auto& [key, spec] : jobs) {
+    const std::vector<contract::Digest> digests = spec->asset_digests();
+    released.insert(digests.begin(), digests.end());
     const MutexLock lock(mutex_);
     for (const contract::Digest& digest : std::set(digests.begin(), digests.end())) {
-      owned_.remove_job(spec.owner, digest);
-    }
-    for (const contract::Digest& digest : digests) {
+      owned_.remove_job(spec->owner, digest);
       const auto found = jobs_.find(digest);
       if (found == jobs_.end()) continue;
       found->second.erase(key);
       if (found->second.empty()) jobs_.erase(found);
     }
   }
+  const absl::Status status = store_.assets().release({released.begin(), released.end()});
   collect();
   return status;
 }

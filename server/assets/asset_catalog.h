@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -57,8 +58,9 @@ class AssetCatalog {
   std::int64_t bytes_of(const std::string& owner) const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Keeps the assets of a job.
   void add_job(JobKey key, const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Releases the assets of a removed job. On the writer thread.
-  absl::Status release(JobKey key, const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Releases the assets of removed jobs. On the writer thread.
+  absl::Status release(const std::map<JobKey, std::shared_ptr<const JobSpec>>& jobs)
+      ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   absl::StatusOr<std::int64_t> size_of(const contract::Digest& digest) ABSL_LOCKS_EXCLUDED(mutex_);

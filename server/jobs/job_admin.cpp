@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstddef>
+#include <map>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -19,7 +20,7 @@ constexpr std::chrono::seconds kCheckPeriod{10};
 /// Free space at which jobs resume that were paused because the disk was full: a few groups of
 /// blocks and images.
 constexpr std::int64_t kRoomToResume = std::int64_t{256} << 20;
-constexpr std::size_t kOldJobsAtOnce = 16;
+constexpr std::size_t kOldJobsAtOnce = 64;
 constexpr std::size_t kMaxBlockedWorkers = 1000;
 
 absl::Status no_such_job(const std::string& job_id) {
@@ -278,46 +279,64 @@ absl::StatusOr<JobView> JobAdmin::update_now(const std::string& job_id, const Up
 // Removal ----------------------------------------------------------------------------------------
 
 void JobAdmin::remove_job(const std::string& job_id, std::function<void(absl::Status)> done) {
-  pipeline_.post([this, job_id, done = std::move(done)] { done(remove_now(job_id)); });
+  pipeline_.post([this, job_id, done = std::move(done)] { done(remove_now({job_id}).front()); });
 }
 
-/// Removes the rows, then the job in memory: if the rows cannot be written, it stays listed.
-absl::Status JobAdmin::remove_now(const std::string& job_id) {
-  Event event{0, 0, EventKind::job_removed, job_id, "", "", ""};
-  {
-    const FarmView view(farm_);
-    const Job* job = view.find_job(job_id);
-    if (job == nullptr) return no_such_job(job_id);
-    if (!has_ended(job->state)) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("job ", job_id, " has not ended; cancel it first"));
-    }
-    event.owner = job->spec->owner;
+/// Returns the event of a job's removal. Errors: NotFound; FailedPrecondition, it has not ended.
+absl::StatusOr<Event> JobAdmin::removal_of(const std::string& job_id) const {
+  const FarmView view(farm_);
+  const Job* job = view.find_job(job_id);
+  if (job == nullptr) return no_such_job(job_id);
+  if (!has_ended(job->state)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("job ", job_id, " has not ended; cancel it first"));
   }
-  absl::Status removed =
-      pipeline_.write_and_tell([&] { return store_.jobs().remove(job_id); }, event);
-  if (!removed.ok()) return removed;
-  JobKey key = 0;
-  std::shared_ptr<const JobSpec> spec;
-  {
+  return Event{0, 0, EventKind::job_removed, job_id, job->spec->owner, "", ""};
+}
+
+/// Removes the rows in one transaction, then the jobs in memory: one whose rows cannot be written
+/// stays listed. Returns the outcome of each.
+std::vector<absl::Status> JobAdmin::remove_now(const std::vector<std::string>& job_ids) {
+  std::vector<absl::Status> outcomes(job_ids.size());
+  const absl::Status together = pipeline_.write_apart([&] {
+    for (std::size_t i = 0; i < job_ids.size(); ++i) {
+      const absl::StatusOr<Event> event = removal_of(job_ids[i]);
+      outcomes[i] = event.ok() ? store_.jobs().remove(job_ids[i]) : event.status();
+      if (outcomes[i].ok()) pipeline_.tell(*event);
+    }
+    return absl::OkStatus();
+  });
+  std::map<JobKey, std::shared_ptr<const JobSpec>> removed;
+  for (std::size_t i = 0; i < job_ids.size(); ++i) {
+    if (outcomes[i].ok()) outcomes[i] = together;
+    if (!outcomes[i].ok()) continue;
     FarmChange change(farm_);
-    Job& job = *change.find_job(job_id);  // only this thread removes jobs
-    key = job.key;
-    spec = job.spec;
-    // A client may have retried it in the meantime.
-    if (!has_ended(job.state)) {
-      change.scheduler().lifecycle().end_job(job, JobState::cancelled, "removed", change.now());
-    }
-    finisher_.close_frames(job);
-    change.remove_job(job);
+    const JobKey key = change.find_job(job_ids[i])->key;  // only this thread removes jobs
+    removed[key] = forget(change, job_ids[i]);
   }
-  return assets_.release(key, *spec);
+  if (removed.empty()) return outcomes;
+  const absl::Status released = assets_.release(removed);
+  for (absl::Status& outcome : outcomes) outcome.Update(released);
+  return outcomes;
+}
+
+/// Removes a job in memory and returns its spec.
+std::shared_ptr<const JobSpec> JobAdmin::forget(FarmChange& change, const std::string& job_id) {
+  Job& job = *change.find_job(job_id);
+  std::shared_ptr<const JobSpec> spec = job.spec;
+  // A client may have retried it in the meantime.
+  if (!has_ended(job.state)) {
+    change.scheduler().lifecycle().end_job(job, JobState::cancelled, "removed", change.now());
+  }
+  finisher_.close_frames(job);
+  change.remove_job(job);
+  return spec;
 }
 
 void JobAdmin::tick(FarmChange& change) {
   const bool is_due = change.now() - last_tick_ >= kCheckPeriod;
-  if ((is_due || has_more_expired_) && expiring_ == 0) expire_jobs(change);
   if (!is_due) return;
+  if (!is_expiring_) expire_jobs(change);
   last_tick_ = change.now();
   for (const auto& [key, job] : change.scheduler().jobs().all()) {
     if (FarmChange::waits_for_room(job)) return pipeline_.post([this] { resume_waiting(); });
@@ -335,37 +354,43 @@ void JobAdmin::resume_waiting() {
   for (Job* job : waiting) apply(change, *job, Change::resume).IgnoreError();  // none has ended
 }
 
-/// Removes a few jobs at a time, so that the writer is not blocked; the next tick after these
-/// removes more. Otherwise a farm of small jobs would grow for ever.
+/// Removes a few jobs at a time, so that other writes need not wait long; the writer goes on with
+/// more after these. Otherwise a farm of small jobs would grow for ever.
 void JobAdmin::expire_jobs(FarmChange& change) {
   const FarmOptions& options = farm_.options();
   if (options.job_retention_us <= 0) return;
   const auto retention = std::chrono::microseconds(options.job_retention_us);
-  std::size_t count = 0;
+  std::vector<std::string> job_ids;
   for (const auto& [key, job] : change.scheduler().jobs().all()) {
     const std::optional<Time> ended = change.film(job).end_time;
     if (!ended || change.now() - *ended < retention) continue;
-    ++expiring_;
-    pipeline_.post([this, id = job.spec->id] {
-      expire(id);
-      --expiring_;
-    });
-    if (++count == kOldJobsAtOnce) break;
+    job_ids.push_back(job.spec->id);
+    if (job_ids.size() == kOldJobsAtOnce) break;
   }
-  has_more_expired_ = count == kOldJobsAtOnce;
+  is_expiring_ = !job_ids.empty();
+  if (is_expiring_) pipeline_.post([this, job_ids = std::move(job_ids)] { expire(job_ids); });
 }
 
-void JobAdmin::expire(const std::string& job_id) {
-  const absl::Status status = remove_now(job_id);
-  if (status.ok()) {
-    return farm_.log(LogLevel::info,
-                     absl::StrCat("job ", job_id, " removed after its retention period"));
+void JobAdmin::expire(const std::vector<std::string>& job_ids) {
+  const std::vector<absl::Status> outcomes = remove_now(job_ids);
+  bool has_failed = false;
+  for (std::size_t i = 0; i < job_ids.size(); ++i) {
+    const absl::Status& status = outcomes[i];
+    if (status.ok()) {
+      farm_.log(LogLevel::info,
+                absl::StrCat("job ", job_ids[i], " removed after its retention period"));
+      continue;
+    }
+    // Removed or resumed by a request in the meantime.
+    if (absl::IsNotFound(status) || absl::IsFailedPrecondition(status)) continue;
+    has_failed = true;
+    farm_.log(LogLevel::error,
+              absl::StrCat("job ", job_ids[i],
+                           " cannot be removed after its retention period: ", status.ToString()));
   }
-  // Removed or resumed by a request in the meantime.
-  if (absl::IsNotFound(status) || absl::IsFailedPrecondition(status)) return;
-  farm_.log(LogLevel::error,
-            absl::StrCat("job ", job_id,
-                         " cannot be removed after its retention period: ", status.ToString()));
+  FarmChange change(farm_);
+  is_expiring_ = false;
+  if (!has_failed && job_ids.size() == kOldJobsAtOnce) expire_jobs(change);
 }
 
 }  // namespace tessera::server

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -79,9 +78,11 @@ class JobAdmin {
   JobView replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
                  const std::vector<UnitRecord>& kept, const std::vector<contract::Unit>& redone);
   absl::StatusOr<JobView> update_now(const std::string& job_id, const Update& update);
-  absl::Status remove_now(const std::string& job_id);
+  absl::StatusOr<Event> removal_of(const std::string& job_id) const;
+  std::vector<absl::Status> remove_now(const std::vector<std::string>& job_ids);
+  std::shared_ptr<const JobSpec> forget(FarmChange& change, const std::string& job_id);
   void expire_jobs(FarmChange& change);
-  void expire(const std::string& job_id);
+  void expire(const std::vector<std::string>& job_ids);
   void resume_waiting();
 
   /// Returns what the owner's assets use of its quotas.
@@ -98,9 +99,7 @@ class JobAdmin {
   AssetCatalog& assets_;
   // Guarded by the farm's lock.
   Time last_tick_;
-  bool has_more_expired_ = false;  // the last batch was full, so that there may be more
-  // Jobs that expire_jobs() has posted to the writer.
-  std::atomic<std::size_t> expiring_ = 0;
+  bool is_expiring_ = false;  // the writer removes jobs, or will
 };
 
 }  // namespace tessera::server

@@ -40,7 +40,7 @@ JobRecord read_job(const SqlRow& row) {
 
 }  // namespace
 
-absl::Status JobRows::open() {
+absl::Status JobRows::count_removed() {
   return journal_.read_as_writer([&](Database& rows) {
     return rows.each("SELECT COUNT(*) FROM jobs WHERE removed=1", {},
                      [&](const SqlRow& row) { removed_count_ = row.integer(0); });
@@ -126,13 +126,17 @@ absl::Status JobRows::remove(const std::string& job_id) {
 /// Deletes the rows of the jobs that were submitted first of those that are removed, once there are
 /// many more than are kept. Their usage stays, without the jobs.
 absl::Status JobRows::drop_old_rows() {
+  const std::int64_t most = max_removed_ + std::max<std::int64_t>(max_removed_ / 20, 1);
+  if (removed_count_ < most) return absl::OkStatus();
+  // Counted again, because removals may have failed since.
+  if (absl::Status counted = count_removed(); !counted.ok()) return counted;
+  if (removed_count_ < most) return absl::OkStatus();
   const std::int64_t excess = removed_count_ - max_removed_;
-  if (excess < std::max<std::int64_t>(max_removed_ / 20, 1)) return absl::OkStatus();
   absl::Status status = journal_.write([&](Database& rows) {
     std::int64_t last = 0;
-    absl::Status dropped = rows.each(
-        "SELECT sequence FROM jobs WHERE removed=1 ORDER BY sequence LIMIT 1 OFFSET ?",
-        {excess - 1}, [&](const SqlRow& row) { last = row.integer(0); });
+    absl::Status dropped =
+        rows.each("SELECT sequence FROM jobs WHERE removed=1 ORDER BY sequence LIMIT 1 OFFSET ?",
+                  {excess - 1}, [&](const SqlRow& row) { last = row.integer(0); });
     for (const std::string_view sql :
          {"INSERT INTO past_usage(hour, owner, project, units, cpu_seconds) "
           "SELECT hour, owner, project, SUM(units), TOTAL(cpu_seconds) "

@@ -23,7 +23,7 @@ class JobRows final : public JobStore {
         frames_(frames),
         max_removed_(max_removed) {}
   /// Reads how many removed jobs have rows.
-  absl::Status open();
+  absl::Status count_removed();
 
   absl::Status add(JobRecord& job) override;
   absl::Status update(const JobRecord& job) override;

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # Measures a coordinator: durable small results per second, bytes per second of large results, memory per
-# connected worker, a 16k x 16k frame within 2 GiB, small jobs per second, and `tessera submit` of small scenes,
-# which a real worker renders. Simulated workers in other processes use gRPC; the image of a large job is compared
+# connected worker, a 16k x 16k frame within 2 GiB, small jobs per second, memory and store after 200,000 jobs, and
+# `tessera submit` of small scenes, which a real worker renders. Simulated workers in other processes use gRPC; the image of a large job is compared
 # with the pixels that follow from the fabricated blocks.
 #
-#   tests/bench/coordinator/run.sh [small|bulk|connected|large|jobs|lease|submit]…    default: the first three
+#   tests/bench/coordinator/run.sh [small|bulk|connected|large|jobs|lease|growth|submit]…    default: the first three
 #
 # BIN: directory of tessera-server and the bench programs (build/dev/bin). STORE: empty directory for the
 # stores, on a real file system (tmpfs is refused, because syncs cost nothing there).
@@ -31,8 +31,9 @@ cleanup() {
 }
 trap cleanup EXIT
 
+# server [OPTION…]: starts a server with these options.
 server() {
-  "$BIN/tessera-server" --listen "unix:$folder/s" --store "$folder/store" >"$folder/server.log" 2>&1 &
+  "$BIN/tessera-server" --listen "unix:$folder/s" --store "$folder/store" "$@" >"$folder/server.log" 2>&1 &
   server_pid=$!
   until [ -S "$folder/s" ]; do
     kill -0 "$server_pid" || { cat "$folder/server.log" >&2; exit 1; }
@@ -145,6 +146,22 @@ bench_jobs() {
     echo "small jobs: server at most $rss_peak MiB, $server_cpu CPU seconds for all jobs; $(lease_times); $(first_leases)"
     rm -rf "${folder:?}"/*
   done
+}
+
+# JOBS (200,000) small jobs in ten parts, which are removed nine seconds after their end.
+bench_growth() {
+  local part jobs=$((${JOBS:-200000} / 10))
+  server --job-retention-days 0.0001
+  simulate 2 4 64
+  for part in {1..10}; do
+    "$BIN/bench_coordinator_small_jobs" --server "unix:$folder/s" --jobs $jobs >"$folder/part.json"
+    echo "growth: after $((part * jobs)) jobs: server $(rss_mb) MiB, $(ls "/proc/$server_pid/fd" | wc -l) descriptors," \
+      "store.db $(stat -c %s "$folder/store/store.db" | awk '{print $1 / 1e6}') MB;" \
+      "$(grep -o '"jobs_per_second": [0-9.]*' "$folder/part.json")"
+  done
+  stop_all
+  echo "growth: load average $(cut -d' ' -f1 /proc/loadavg); server at most $rss_peak MiB"
+  rm -rf "${folder:?}"/*
 }
 
 # SUBMITS scenes, one after another, over TCP.

@@ -136,7 +136,7 @@ TEST_F(StoreTest, StateOfRemovedJobIsKept) {
   ASSERT_TRUE(store().jobs().remove("a").ok());
   open();
   EXPECT_EQ(*store().jobs().removed_state("a"), 6);
-  EXPECT_EQ(*store().jobs().removed_state("nobody"), std::nullopt);
+  EXPECT_EQ(*store().jobs().removed_state("nobody"), 0);
 }
 
 TEST_F(StoreTest, UnknownJobIsNotFound) {
