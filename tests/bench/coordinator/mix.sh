@@ -4,7 +4,8 @@
 #   tests/bench/coordinator/mix.sh [WORKERS/QUEUED]…     default: 10/0 10/10000 100/10000
 #
 # TENANTS (5) clients with certificates make RATE (100) steps a second for SECONDS_EACH (20) seconds: jobs of 1, 4, 16
-# and 64 units, uploads, queries, changes, removals. Simulated workers answer each lease at once. "Work: lease" is the
+# and 64 units, uploads, queries, changes, removals. An operator makes ten steps a second: limits, budgets and commands
+# for workers, of which some end the stream of a spare worker. Simulated workers answer each lease at once. "Work: lease" is the
 # time from granting credits to the next leases, also if there is no work meanwhile; "Deliver: commit" is the time from
 # sending a block to its acknowledgement; both are those of the slower process of workers. Connections use TLS over
 # loopback. BIN and STORE: as for run.sh.
@@ -32,6 +33,7 @@ measure() {
     "$BIN/tessera-server" issue-cert "$run/certs" --role client --name "t$i" >/dev/null
   done
   "$BIN/tessera-server" issue-cert "$run/certs" --role worker --name w >/dev/null
+  "$BIN/tessera-server" issue-cert "$run/certs" --role admin --name operator >/dev/null
   "$BIN/tessera-server" --listen 127.0.0.1:0 --certs "$run/certs" --store "$run/store" --client-jobs 0 \
     --client-gigasamples 0 --client-gb 0 --client-calls 0 --client-concurrent-calls 0 --client-upload-gb 0 \
     >"$run/address" 2>"$run/server.log" &
@@ -48,6 +50,9 @@ measure() {
       --name "sim$i" --workers $((($1 + 1) / 2)) --credits 16 <"$run/hold" >"$run/sim$i.json" 2>"$run/sim$i.log" &
     pids+=($!)
   done
+  "$BIN/bench_simulated_workers" --server "$address" --certs "$run/certs/worker-w" --token "$(cat "$run/token")" \
+    --name spare --workers $((${SECONDS_EACH:-20} * 3 / 2 + 2)) --credits 1 <"$run/hold" >"$run/spare.json" 2>"$run/spare.log" &
+  pids+=($!)
   exec 3>"$run/hold"
   "$BIN/bench_rpc_mix" --server "$address" --certs "$run/certs" --scratch "$run" --tenants "${TENANTS:-5}" \
     --queued "$2" --rate "${RATE:-100}" --seconds "${SECONDS_EACH:-20}" >"$folder/$1-$2.json"

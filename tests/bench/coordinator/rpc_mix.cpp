@@ -1,5 +1,6 @@
 /// bench_rpc_mix: tenants with certificates call every RPC of clients at a fixed rate, with jobs of
-/// mixed sizes. Prints the latencies of each RPC as one line of JSON.
+/// mixed sizes, and an operator those of admins. Prints the latencies of each RPC as one line of
+/// JSON.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -67,6 +68,16 @@ class Figures {
   std::map<std::string, Calls> calls_;
 };
 
+/// Measures `call`, which returns a status or a value with one. Returns whether it succeeded.
+template <typename Call>
+bool timed(Figures& figures, const char* rpc, const Call& call) {
+  const auto start = Clock::now();
+  const auto result = call();
+  const bool is_ok = result.ok();
+  figures.add(rpc, std::chrono::duration<double>(Clock::now() - start).count(), is_ok);
+  return is_ok;
+}
+
 /// A client and its jobs. One thread.
 class Tenant {
  public:
@@ -95,7 +106,8 @@ class Tenant {
         {6, &Tenant::upload},       {6, &Tenant::fetch},      {5, &Tenant::report},
         {4, &Tenant::pause_resume}, {4, &Tenant::update},     {3, &Tenant::cancel_retry},
         {4, &Tenant::remove},       {3, &Tenant::deliveries}, {3, &Tenant::events},
-        {2, &Tenant::usage}};
+        {2, &Tenant::usage},        {2, &Tenant::quotas},     {3, &Tenant::watch},
+        {2, &Tenant::extend}};
     static const std::vector<double> shares = [] {
       std::vector<double> weights;
       for (const Call& one : calls) weights.push_back(one.first);
@@ -106,14 +118,9 @@ class Tenant {
   }
 
  private:
-  /// Measures `call`, which returns a status or a value with one. Returns whether it succeeded.
   template <typename Call>
   bool timed(const char* rpc, const Call& call) {
-    const auto start = Clock::now();
-    const auto result = call();
-    const bool is_ok = result.ok();
-    figures_.add(rpc, std::chrono::duration<double>(Clock::now() - start).count(), is_ok);
-    return is_ok;
+    return ::timed(figures_, rpc, call);
   }
 
   v1::CreateJobRequest job_request(int tiles_across) {
@@ -202,6 +209,23 @@ class Tenant {
   void usage() {
     timed("ListUsage", [&] { return client_.list_usage({}); });
   }
+  void quotas() {
+    timed("ListQuotas", [&] { return client_.list_quotas(); });
+  }
+  /// Until the job's first state arrives.
+  void watch() {
+    if (const auto job = some_job(); !job.empty()) {
+      timed("WatchJob", [&] {
+        return client_.watch_job(job, std::chrono::milliseconds(100),
+                                 [](const v1::Job&) { return false; });
+      });
+    }
+  }
+  void extend() {
+    if (const auto job = old_job(); !job.empty()) {
+      timed("ExtendJob", [&] { return client_.extend_job(job, 8, 0); });
+    }
+  }
   /// These three are called for jobs that were just created, and so are probably not done.
   void pause_resume() {
     const std::string job = fresh_job();
@@ -245,16 +269,101 @@ class Tenant {
   int count_ = 0;
 };
 
+/// An admin, who calls RPCs in turn. One thread.
+class Operator {
+ public:
+  Operator(FarmClient& client, Figures& figures) : client_(client), figures_(figures) {}
+
+  /// Finds the workers whose streams its calls end: their names begin with "spare".
+  bool prepare() {
+    const auto workers = client_.list_workers();
+    if (!workers.ok()) return false;
+    for (const v1::Worker& worker : *workers) {
+      (worker.name().rfind("spare", 0) == 0 ? spare_ : used_).push_back(worker.id());
+    }
+    return !used_.empty();
+  }
+
+  void call() {
+    const int turn = turn_++;
+    switch (turn % 7) {
+      case 0:
+        timed("SetLimit", [&] { return client_.set_limit("licence", turn); });
+        return;
+      case 1:
+        timed("ListLimits", [&] { return client_.list_limits(); });
+        timed("RemoveLimit", [&] { return client_.remove_limit("licence"); });
+        return;
+      case 2:
+        timed("SetBudget", [&] { return client_.set_budget(budget(turn)); });
+        return;
+      case 3:
+        timed("ListBudgets", [&] { return client_.list_budgets(); });
+        timed("RemoveBudget",
+              [&] { return client_.remove_budget(v1::Budget::SCOPE_OWNER, "nobody"); });
+        return;
+      case 4:
+        timed("ListWorkers", [&] { return client_.list_workers(); });
+        return;
+      case 5:
+        timed("SetAsideWorker", [&] { return client_.set_aside_worker(used(turn), "a test"); });
+        timed("BringBackWorker", [&] { return client_.bring_back_worker(used(turn)); });
+        timed("MoveWorker", [&] { return client_.move_worker(used(turn), "night"); });
+        timed("MoveWorker", [&] { return client_.move_worker(used(turn), ""); });
+        return;
+      default:
+        end_spare();
+    }
+  }
+
+ private:
+  template <typename Call>
+  bool timed(const char* rpc, const Call& call) {
+    return ::timed(figures_, rpc, call);
+  }
+  static v1::Budget budget(int turn) {
+    v1::Budget budget;
+    budget.set_scope(v1::Budget::SCOPE_OWNER);
+    budget.set_name("nobody");
+    budget.set_cpu_seconds(1000 + turn);
+    budget.set_period(v1::Budget::PERIOD_MONTH);
+    budget.set_action(v1::Budget::ACTION_WARN);
+    budget.set_warning_fraction(0.5);
+    return budget;
+  }
+  const std::string& used(int turn) const {
+    return used_[static_cast<std::size_t>(turn) % used_.size()];
+  }
+  /// Drains a worker, or bans and allows it.
+  void end_spare() {
+    if (spare_.empty()) return;
+    const std::string worker = spare_.back();
+    spare_.pop_back();
+    if (spare_.size() % 2 == 0) {
+      timed("DrainWorker", [&] { return client_.drain_worker(worker); });
+      return;
+    }
+    timed("BanWorker", [&] { return client_.ban_worker(worker); });
+    timed("AllowWorker", [&] { return client_.allow_worker(worker); });
+  }
+
+  FarmClient& client_;
+  Figures& figures_;
+  std::vector<std::string> used_, spare_;  // workers
+  int turn_ = 0;
+};
+
 int run(const Options& options) {
   Figures figures, ignored;
   std::vector<std::unique_ptr<FarmClient>> clients;
   std::vector<std::thread> threads;
   std::mutex failed_mutex;
   bool failed = false;
-  for (int i = 0; i < options.tenants; ++i) {
+  for (int i = 0; i <= options.tenants; ++i) {
     tessera::client::Connection connection;
     connection.server = options.server;
-    connection.certs = options.certs + "/client-t" + std::to_string(i);
+    connection.certs =
+        options.certs + (i < options.tenants ? "/client-t" + std::to_string(i) : "/admin-operator");
     auto client = FarmClient::connect(connection);
     if (!client.ok()) {
       fprintf(stderr, "%s\n", std::string(client.status().message()).c_str());
@@ -281,6 +390,16 @@ int run(const Options& options) {
   });
   if (failed) return 1;
   const auto start = Clock::now();
+  std::thread operator_thread([&] {
+    Operator admin(*clients.back(), figures);
+    bool is_ok = admin.prepare();
+    for (int k = 0; is_ok && k < 10 * options.seconds; ++k) {
+      std::this_thread::sleep_until(start + std::chrono::milliseconds(100 * k));
+      admin.call();
+    }
+    const std::lock_guard lock(failed_mutex);
+    failed = failed || !is_ok;
+  });
   for_all([&](int i) {
     Tenant tenant(options, i, *clients[static_cast<std::size_t>(i)], figures);
     if (!tenant.prepare()) return false;
@@ -292,6 +411,7 @@ int run(const Options& options) {
     }
     return true;
   });
+  operator_thread.join();
   figures.print();
   return failed ? 1 : 0;
 }
