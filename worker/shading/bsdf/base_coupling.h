@@ -10,7 +10,7 @@
 /// 1, facets and lobe together scatter all light, from every direction, and the BSDF is reciprocal.
 /// Source: C. Kulla, A. Conty, "Revisiting Physically Based Shading at Imageworks", 2017, section
 /// 2.3. The weight 1 - F at the half vector of each pair of directions, as in the specification's
-/// sample code, gives up to 1.96 times the light at grazing angles.
+/// sample code, gives up to 1.93 times the light at grazing angles.
 ///
 /// Tables of E are rounded up and its means down, so that errors lose energy.
 namespace tessera::render::base_bsdf {
