@@ -271,7 +271,11 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     auto hello = from_message(message);
     if (!hello.ok()) return hello.status();
     hello->certificate = caller_.certificate();
-    is_being_admitted_ = true;  // only finish_admission() runs before the next read
+    {
+      const std::lock_guard lock(mutex_);
+      if (final_status_) return *final_status_;  // timed out just now; this may soon be destroyed
+      is_being_admitted_ = true;  // only finish_admission() runs before the next read
+    }
     services_.admission.admit(caller_, hello->worker_id, sent_token(context_),
                               [this, hello = *hello](const absl::StatusOr<std::string>& key) {
                                 finish_admission(hello, key);
