@@ -72,7 +72,7 @@ class AssetCatalog {
   FarmState& farm_;
   Store& store_;
   CommitPipeline& pipeline_;
-  mutable Mutex mutex_;
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
   struct Asked {
     Time time;
     std::int64_t bytes = -1;  // negative: not known

@@ -115,8 +115,11 @@ class CommitPipeline final : public EffectHandler {
   std::vector<Event> numbered_;  // all events of the open transaction
   bool has_unwritten_events_ = false;
 
-  Mutex answering_;      // while answers are given, so that they keep their order; the first lock
-  mutable Mutex mutex_;  // taken after the farm's
+  /// Held while answers are given, so that they keep their order.
+  Mutex answering_ ABSL_ACQUIRED_AFTER(lock_order::kAnswers)
+      ABSL_ACQUIRED_BEFORE(lock_order::kAdmission){lock_order::kAnswers};
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kPipeline)
+      ABSL_ACQUIRED_BEFORE(lock_order::kJournal){lock_order::kPipeline};
   ConditionVariable wakeup_, answer_wakeup_;
   Round next_ ABSL_GUARDED_BY(mutex_);
   std::deque<Outcome> outcomes_ ABSL_GUARDED_BY(mutex_);  // not answered yet

@@ -42,11 +42,16 @@ void FilmCache::open_frame(const FrameKey& key, const contract::RenderSettings& 
   tile.committed.resize(passes.size());
   tile.error.resize(passes.size());
   if (reference) tile.truth.resize(passes.size());
-  const std::shared_ptr<Frame> frame(new Frame{
-      key, std::move(grid), settings.aovs, std::move(passes), std::move(reader),
-      std::move(reference), std::vector<Tile>(contract::as_index(tile_count), tile), tile_count});
-  if (settings.error) add_rule(settings, *frame);
-  const std::lock_guard lock(mutex_);
+  const std::shared_ptr<Frame> frame(
+      new Frame{key, std::move(grid), settings.aovs, std::move(passes), std::move(reader)});
+  {
+    const MutexLock lock(frame->mutex);
+    frame->reference = std::move(reference);
+    frame->tiles.assign(contract::as_index(tile_count), tile);
+    frame->tiles_without_luminance = tile_count;
+    if (settings.error) add_rule(settings, *frame);
+  }
+  const MutexLock lock(mutex_);
   frames_.emplace(key, frame);
 }
 
@@ -70,26 +75,26 @@ void FilmCache::add_rule(const contract::RenderSettings& settings, Frame& frame)
 void FilmCache::close_frame(const FrameKey& key) {
   std::shared_ptr<Frame> frame;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto found = frames_.find(key);
     if (found == frames_.end()) return;
     frame = std::move(found->second);
     frames_.erase(found);
   }
   {
-    const std::lock_guard lock(frame->mutex);
+    const MutexLock lock(frame->mutex);
     frame->is_closed = true;
   }
   tiles_.drop(key);
 }
 
 bool FilmCache::is_open(const FrameKey& key) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return frames_.contains(key);
 }
 
 std::vector<FrameKey> FilmCache::open_frames(const std::string& job_id) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   std::vector<FrameKey> keys;
   for (auto it = frames_.lower_bound({job_id, kFirstFrame}); it != frames_.end(); ++it) {
     if (it->first.job_id != job_id) break;
@@ -101,12 +106,13 @@ std::vector<FrameKey> FilmCache::open_frames(const std::string& job_id) const {
 FilmCache::LockedFrame FilmCache::find(const FrameKey& key) const {
   std::shared_ptr<Frame> frame;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto found = frames_.find(key);
     if (found == frames_.end()) return {};
     frame = found->second;
   }
   std::unique_lock lock(frame->mutex);
+  frame->mutex.assert_held();
   if (frame->is_closed) return {};
   return {std::move(frame), std::move(lock)};
 }
@@ -217,6 +223,7 @@ absl::Status FilmCache::add(const FrameKey& key, std::int32_t tile, std::int32_t
   const absl::StatusOr<LockedFrame> found = find(key, tile, pass);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
+  frame.mutex.assert_held();
   const contract::PixelRect rect = frame.grid.rect(tile);
   if (block.shape != contract::FilmBlockShape{rect.width, rect.height, frame.aovs, pass == 0}) {
     return absl::InvalidArgumentError(absl::StrCat("film: ", label(key), ", tile ", tile, ", pass ",
@@ -241,6 +248,7 @@ absl::Status FilmCache::record_committed(const FrameKey& key, std::int32_t tile,
   const absl::StatusOr<LockedFrame> found = find(key, tile, pass);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
+  frame.mutex.assert_held();
   frame.tiles[contract::as_index(tile)].committed[contract::as_index(pass)] = true;
   frame.has_unread_blocks = true;
   return absl::OkStatus();
@@ -250,6 +258,7 @@ absl::StatusOr<double> FilmCache::mean_luminance(const FrameKey& key) {
   const absl::StatusOr<LockedFrame> found = find(key, 0, 0);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
+  frame.mutex.assert_held();
   if (absl::Status status = read_luminance(frame); !status.ok()) return status;
   return *frame.mean_luminance;
 }
@@ -299,6 +308,7 @@ absl::StatusOr<std::vector<contract::PassRule::PassTarget>> FilmCache::take_pass
   const absl::StatusOr<LockedFrame> found = find(key, 0, 0);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
+  frame.mutex.assert_held();
   if (!frame.rule) return std::vector<contract::PassRule::PassTarget>();
   if (!frame.mean_luminance) {
     const absl::Status status = read_luminance(frame);
@@ -315,6 +325,7 @@ absl::StatusOr<TileSum> FilmCache::rebuild(const FrameKey& key, std::int32_t til
   const absl::StatusOr<LockedFrame> found = find(key, tile, 0);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
+  frame.mutex.assert_held();
   TileSum sum = take_measured(frame, tile);
   absl::Status status = advance(frame, tile, sum, nullptr, pass_count(frame));
   if (keep) tiles_.put(key, tile, sum);
@@ -332,12 +343,16 @@ absl::StatusOr<TileSum> FilmCache::take_tile(const FrameKey& key, std::int32_t t
 
 ErrorEstimate FilmCache::running_estimate(const FrameKey& key) const {
   const LockedFrame frame = find(key);
-  return frame ? stats_after(*frame, pass_count(*frame) - 1).estimate : ErrorEstimate();
+  if (!frame) return {};
+  frame->mutex.assert_held();
+  return stats_after(*frame, pass_count(*frame) - 1).estimate;
 }
 
 FilmCache::PassStats FilmCache::after_pass(const FrameKey& key, std::int32_t pass) const {
   const LockedFrame frame = find(key);
-  return frame && pass >= 0 && pass < pass_count(*frame) ? stats_after(*frame, pass) : PassStats();
+  if (!frame || pass < 0 || pass >= pass_count(*frame)) return {};
+  frame->mutex.assert_held();
+  return stats_after(*frame, pass);
 }
 
 FilmCache::PassStats FilmCache::stats_after(const Frame& frame, std::int32_t pass) {
@@ -365,26 +380,34 @@ FilmCache::PassStats FilmCache::stats_after(const Frame& frame, std::int32_t pas
 
 bool FilmCache::is_look_due(const FrameKey& key) const {
   const LockedFrame frame = find(key);
-  return frame && frame->frame_rule != nullptr && frame->frame_rule->due_look().has_value();
+  if (!frame) return false;
+  frame->mutex.assert_held();
+  return frame->frame_rule != nullptr && frame->frame_rule->due_look().has_value();
 }
 
 void FilmCache::end_look(const FrameKey& key,
                          const contract::FrameStoppingRule::LookResult& result) {
   const LockedFrame frame = find(key);
-  if (frame && frame->frame_rule != nullptr) frame->frame_rule->end_look(result);
+  if (!frame) return;
+  frame->mutex.assert_held();
+  if (frame->frame_rule != nullptr) frame->frame_rule->end_look(result);
 }
 
 StoppingStats FilmCache::stopping(const FrameKey& key) const {
   const LockedFrame frame = find(key);
-  if (!frame || !frame->rule) return {};
+  if (!frame) return {};
+  frame->mutex.assert_held();
+  if (!frame->rule) return {};
   const contract::PassRule& rule = *frame->rule;
   return {rule.looks(), rule.capped_tile_count(), rule.is_futile()};
 }
 
 std::int32_t FilmCache::max_samples(const FrameKey& key) const {
   const LockedFrame frame = find(key);
+  if (!frame) return 0;
+  frame->mutex.assert_held();
   std::int32_t samples = 0;
-  for (std::size_t tile = 0; frame && tile < frame->tiles.size(); ++tile) {
+  for (std::size_t tile = 0; tile < frame->tiles.size(); ++tile) {
     const std::vector<bool>& committed = frame->tiles[tile].committed;
     const std::int32_t wanted = pass_target(*frame, static_cast<std::int32_t>(tile));
     for (std::int32_t pass = 0; pass < wanted && committed[contract::as_index(pass)]; ++pass) {
@@ -396,7 +419,9 @@ std::int32_t FilmCache::max_samples(const FrameKey& key) const {
 
 std::optional<std::int64_t> FilmCache::expected_samples(const FrameKey& key) const {
   const LockedFrame frame = find(key);
-  if (!frame || !frame->rule) return std::nullopt;
+  if (!frame) return std::nullopt;
+  frame->mutex.assert_held();
+  if (!frame->rule) return std::nullopt;
   return frame->rule->expected_samples();
 }
 

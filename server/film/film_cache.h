@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "contract/film_block.h"
@@ -19,6 +20,7 @@
 #include "server/film/frame_key.h"
 #include "server/film/merge.h"
 #include "server/film/tile_cache.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
@@ -120,49 +122,61 @@ class FilmCache {
     std::vector<std::optional<TrueSums>> truth;   // the same, with a reference
   };
   struct Frame {
-    FrameKey key;
-    contract::TileGrid grid;
-    std::uint32_t aovs;
-    std::vector<contract::Pass> passes;
-    BlockReader reader;
-    ReferenceReader reference;  // empty: none
-    std::vector<Tile> tiles;
-    std::int32_t tiles_without_luminance;
-    std::optional<double> mean_luminance = {};
-    std::unique_ptr<contract::PassRule> rule = {};      // with a target error
-    contract::FrameStoppingRule* frame_rule = nullptr;  // `rule`, if the frame is denoised
-    bool has_unread_blocks = false;  // committed blocks that the rule has not received
-    bool is_closed = false;
-    std::mutex mutex = {};
+    const FrameKey key;
+    const contract::TileGrid grid;
+    const std::uint32_t aovs;
+    const std::vector<contract::Pass> passes;
+    const BlockReader reader;
+    Mutex mutex ABSL_ACQUIRED_AFTER(lock_order::kFilm)
+        ABSL_ACQUIRED_BEFORE(lock_order::kCall){lock_order::kFilm};
+    ReferenceReader reference ABSL_GUARDED_BY(mutex) = {};  // empty: none
+    std::vector<Tile> tiles ABSL_GUARDED_BY(mutex) = {};
+    std::int32_t tiles_without_luminance ABSL_GUARDED_BY(mutex) = 0;
+    std::optional<double> mean_luminance ABSL_GUARDED_BY(mutex) = {};
+    /// With a target error.
+    std::unique_ptr<contract::PassRule> rule ABSL_GUARDED_BY(mutex) = {};
+    /// `rule`, if the frame is denoised.
+    contract::FrameStoppingRule* frame_rule ABSL_GUARDED_BY(mutex) = nullptr;
+    /// Committed blocks that the rule has not received.
+    bool has_unread_blocks ABSL_GUARDED_BY(mutex) = false;
+    bool is_closed ABSL_GUARDED_BY(mutex) = false;
   };
-  /// A locked frame; empty if it is not open.
+  /// A locked frame; empty if it is not open. Clang does not see that a returned object holds a
+  /// lock, so users call assert_held().
   struct LockedFrame {
     std::shared_ptr<Frame> frame;  // owners: the cache and calls
-    std::unique_lock<std::mutex> lock;
+    std::unique_lock<Mutex> lock;
     explicit operator bool() const { return frame != nullptr; }
     Frame& operator*() const { return *frame; }
     Frame* operator->() const { return frame.get(); }
   };
 
-  static void add_rule(const contract::RenderSettings& settings, Frame& frame);
+  static void add_rule(const contract::RenderSettings& settings, Frame& frame)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
   LockedFrame find(const FrameKey& key) const;
   absl::StatusOr<LockedFrame> find(const FrameKey& key, std::int32_t tile, std::int32_t pass) const;
   TileSum take(const Frame& frame, std::int32_t tile);
-  TileSum take_measured(const Frame& frame, std::int32_t tile);
+  TileSum take_measured(const Frame& frame, std::int32_t tile)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
   absl::Status advance(Frame& frame, std::int32_t tile, TileSum& sum,
-                       const contract::FilmBlock* block, std::int32_t end);
-  absl::Status read_luminance(Frame& frame);
-  absl::Status catch_up(Frame& frame);
-  static PassStats stats_after(const Frame& frame, std::int32_t pass);
-  static std::int32_t pass_target(const Frame& frame, std::int32_t tile);
-  static void measure(Frame& frame, std::int32_t tile, TileSum& sum);
-  void record_pass(Frame& frame, std::int32_t index, TileSum& sum);
-  void measure_cached(Frame& frame);
+                       const contract::FilmBlock* block, std::int32_t end)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
+  absl::Status read_luminance(Frame& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
+  absl::Status catch_up(Frame& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
+  static PassStats stats_after(const Frame& frame, std::int32_t pass)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
+  static std::int32_t pass_target(const Frame& frame, std::int32_t tile)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
+  static void measure(Frame& frame, std::int32_t tile, TileSum& sum)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
+  void record_pass(Frame& frame, std::int32_t index, TileSum& sum)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
+  void measure_cached(Frame& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
   absl::StatusOr<TileSum> rebuild(const FrameKey& key, std::int32_t tile, bool keep);
 
   TileCache tiles_;
-  mutable std::mutex mutex_;  // of frames_; a frame's lock is taken without it
-  std::map<FrameKey, std::shared_ptr<Frame>> frames_;
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
+  std::map<FrameKey, std::shared_ptr<Frame>> frames_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace tessera::server

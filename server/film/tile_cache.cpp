@@ -5,7 +5,7 @@
 namespace tessera::server {
 
 std::optional<TileSum> TileCache::take(const FrameKey& key, std::int32_t tile) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto found = index_.find({key, tile});
   if (found == index_.end()) return std::nullopt;
   Entries taken;
@@ -16,7 +16,7 @@ std::optional<TileSum> TileCache::take(const FrameKey& key, std::int32_t tile) {
 void TileCache::put(const FrameKey& key, std::int32_t tile, TileSum sum) {
   Entries dropped;  // freed without the lock
   const std::int64_t bytes = sum.bytes();
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const TileKey tile_key(key, tile);
   if (const auto found = index_.find(tile_key); found != index_.end()) {
     move_to(dropped, found->second);
@@ -31,7 +31,7 @@ void TileCache::put(const FrameKey& key, std::int32_t tile, TileSum sum) {
 
 void TileCache::drop(const FrameKey& key) {
   Entries dropped;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   for (auto it = index_.lower_bound({key, 0}); it != index_.end() && it->first.first == key;) {
     const auto entry = it->second;
     ++it;
@@ -40,7 +40,7 @@ void TileCache::drop(const FrameKey& key) {
 }
 
 std::int64_t TileCache::used_bytes() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return used_bytes_;
 }
 

@@ -3,12 +3,13 @@
 #include <cstdint>
 #include <list>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <utility>
 
+#include "absl/base/thread_annotations.h"
 #include "server/film/frame_key.h"
 #include "server/film/merge.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
@@ -35,13 +36,13 @@ class TileCache {
   };
   using Entries = std::list<Entry>;  // most recently used first
 
-  void move_to(Entries& to, Entries::iterator entry);
+  void move_to(Entries& to, Entries::iterator entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const std::int64_t budget_bytes_;
-  mutable std::mutex mutex_;
-  std::int64_t used_bytes_ = 0;
-  Entries entries_;
-  std::map<TileKey, Entries::iterator> index_;
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
+  std::int64_t used_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  Entries entries_ ABSL_GUARDED_BY(mutex_);
+  std::map<TileKey, Entries::iterator> index_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace tessera::server

@@ -65,7 +65,8 @@ class AuditOutcomes final : public EffectHandler {
   Store& store_;
   CommitPipeline& pipeline_;
   FrameFinisher& finisher_;
-  Mutex mutex_;                              // taken after the farm's
+  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kPart)
+      ABSL_ACQUIRED_BEFORE(lock_order::kPipeline){lock_order::kPart};
   Verdict pending_ ABSL_GUARDED_BY(mutex_);  // not carried out yet
   bool is_postponed_ ABSL_GUARDED_BY(mutex_) = false;
 };

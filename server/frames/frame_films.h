@@ -46,7 +46,7 @@ class FrameFilms {
   FarmState& farm_;
   const Store& store_;
   FilmCache cache_;
-  mutable Mutex mutex_;                                                 // taken after the farm's
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
   std::map<FrameKey, std::int64_t> revisions_ ABSL_GUARDED_BY(mutex_);  // of open frames
   std::map<FrameKey, std::vector<contract::Unit>> damaged_ ABSL_GUARDED_BY(mutex_);
 };

@@ -88,7 +88,7 @@ class FrameFinisher final : public EffectHandler {
   CommitPipeline& pipeline_;
   Budgets& budgets_;
   FrameFilms films_;
-  Mutex mutex_;
+  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
   std::map<FrameKey, Time> last_estimate_ ABSL_GUARDED_BY(mutex_);
   StrandQueue<FrameKey> tasks_;
 };

@@ -16,7 +16,7 @@ constexpr std::chrono::seconds kLookEvery{1};
 }  // namespace
 
 bool Revocations::contains(const std::string& serial) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto now = std::chrono::steady_clock::now();
   if (last_check_ == decltype(last_check_){} || now - last_check_ >= kLookEvery) {
     last_check_ = now;

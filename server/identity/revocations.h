@@ -4,9 +4,11 @@
 
 #include <chrono>
 #include <cstdint>
-#include <mutex>
 #include <set>
 #include <string>
+
+#include "absl/base/thread_annotations.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
@@ -20,19 +22,19 @@ class Revocations {
   bool contains(const std::string& serial);
 
  private:
-  void reload_if_changed();
+  void reload_if_changed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const std::string path_;
-  std::mutex mutex_;  // guards what follows
-  std::chrono::steady_clock::time_point last_check_{};
+  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
+  std::chrono::steady_clock::time_point last_check_ ABSL_GUARDED_BY(mutex_){};
   struct Version {
     ino_t file = 0;
     off_t size = 0;
     std::int64_t modified_s = 0, modified_ns = 0;
     bool operator==(const Version&) const = default;
   };
-  Version read_;
-  std::set<std::string> serials_;
+  Version read_ ABSL_GUARDED_BY(mutex_);
+  std::set<std::string> serials_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace tessera::server

@@ -136,7 +136,8 @@ class BlockIntake {
   Budgets& budgets_;
   DeliveryLog deliveries_;
 
-  Mutex mutex_;  // taken after the farm's
+  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kPart)
+      ABSL_ACQUIRED_BEFORE(lock_order::kPipeline){lock_order::kPart};
   std::vector<Delivered> delivered_ ABSL_GUARDED_BY(mutex_);
   std::set<UnitName> committing_ ABSL_GUARDED_BY(mutex_);  // in a group that is not answered yet
   bool is_commit_posted_ ABSL_GUARDED_BY(mutex_) = false;

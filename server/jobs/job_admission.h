@@ -70,7 +70,8 @@ class JobAdmission {
   CommitPipeline& pipeline_;
   AssetCatalog& assets_;
 
-  Mutex mutex_;  // taken before the farm's
+  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kAdmission)
+      ABSL_ACQUIRED_BEFORE(lock_order::kFilm){lock_order::kAdmission};
   // Rows that are written, of jobs that the farm does not have yet.
   std::vector<std::shared_ptr<Request>> written_ ABSL_GUARDED_BY(mutex_);
 };

@@ -25,7 +25,7 @@ std::int64_t now_s() {
 
 /// Bounds the growth of the list of issued certificates.
 absl::Status CertificateService::count(const Identity& identity) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (++renewals_[identity.serial] <= kMaxRenewals) return absl::OkStatus();
   return absl::ResourceExhaustedError(
       absl::StrCat("the certificate of ", identity_uri(identity.role, identity.name),

@@ -1,11 +1,12 @@
 #pragma once
 
 #include <map>
-#include <mutex>
 #include <string>
 
+#include "absl/base/thread_annotations.h"
 #include "server/service/access/access.h"
 #include "server/service/streams/io_pool.h"
+#include "server/sync/mutex.h"
 #include "tessera/v1/certificate_service.grpc.pb.h"
 
 namespace tessera::server {
@@ -27,9 +28,10 @@ class CertificateService final : public v1::CertificateService::CallbackService 
 
   const Access& access_;
   const std::string certs_;
-  std::mutex mutex_;
-  std::map<std::string, int> renewals_;  // by serial number of the certificate that was presented
-  IoPool io_{1};                         // reads and writes the authority's files
+  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
+  /// By serial number of the certificate that was presented.
+  std::map<std::string, int> renewals_ ABSL_GUARDED_BY(mutex_);
+  IoPool io_{1};  // reads and writes the authority's files
 };
 
 }  // namespace tessera::server

@@ -37,8 +37,7 @@ class EffectHandler {
 /// section as an argument.
 ///
 /// Contains no gRPC: ThreadSanitizer cannot see into Debian's libgrpc, so the lock is below it,
-/// where plain threads can test it. No disk operation runs in a section. Order of locks: a
-/// stream's, the farm's, then that of a queue, a budget or a log.
+/// where plain threads can test it. No disk operation runs in a section.
 class FarmState {
  public:
   FarmState(const Store& store, FarmOptions options, const std::vector<std::string>& roster);
@@ -63,7 +62,8 @@ class FarmState {
   EventLog events_;
   std::vector<EffectHandler*> handlers_;
 
-  mutable Mutex mutex_;
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kFarm)
+      ABSL_ACQUIRED_BEFORE(lock_order::kPart){lock_order::kFarm};
   Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
   std::map<JobKey, JobFilm> films_ ABSL_GUARDED_BY(mutex_);
   JobIndex index_ ABSL_GUARDED_BY(mutex_);

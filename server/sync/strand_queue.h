@@ -165,7 +165,7 @@ class StrandQueue {
   }
 
   const Limits limits_;
-  mutable Mutex mutex_;
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
   ConditionVariable wakeup_;
   std::map<Key, Strand> strands_ ABSL_GUARDED_BY(mutex_);  // those with a task
   Ready small_ ABSL_GUARDED_BY(mutex_), large_ ABSL_GUARDED_BY(mutex_);

@@ -6,7 +6,7 @@
 namespace tessera::server {
 
 void DeliveryLog::add(Delivery delivery) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   Known& worker = workers_[std::string(delivery.worker_id)];
   if (!worker.id) worker.id = std::make_shared<const std::string>(delivery.worker_id);
   ++worker.count;
@@ -21,13 +21,13 @@ void DeliveryLog::add(Delivery delivery) {
 }
 
 std::size_t DeliveryLog::worker_count() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return workers_.size();
 }
 
 std::vector<Delivery> DeliveryLog::read(std::int64_t job, std::int64_t after,
                                         std::size_t limit) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   std::vector<Delivery> found;
   if (deliveries_.empty()) return found;
   const std::int64_t first = deliveries_.front().sequence;

@@ -5,13 +5,14 @@
 #include <deque>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "absl/base/thread_annotations.h"
 #include "contract/unit.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
@@ -46,15 +47,15 @@ class DeliveryLog {
   std::vector<Delivery> read(std::int64_t job, std::int64_t after, std::size_t limit) const;
 
  private:
-  mutable std::mutex mutex_;  // guards what follows
-  std::int64_t last_sequence_ = 0;
-  std::deque<Delivery> deliveries_;  // consecutive sequences
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
+  std::int64_t last_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::deque<Delivery> deliveries_ ABSL_GUARDED_BY(mutex_);  // consecutive sequences
   /// A worker with kept deliveries. Owners: the log and its deliveries.
   struct Known {
     std::shared_ptr<const std::string> id;
     std::int64_t count = 0;
   };
-  std::map<std::string, Known, std::less<>> workers_;
+  std::map<std::string, Known, std::less<>> workers_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace tessera::server

@@ -30,7 +30,7 @@ EventLog::EventLog(std::int64_t boot_count, std::function<std::int64_t()> wall_u
       last_number_(last_sequence_) {}
 
 void EventLog::load(std::vector<Event> events, std::int64_t last_dropped) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const bool has_all = events.size() < kMaxEvents;
   complete_after_ = has_all ? last_dropped : events.front().sequence - 1;
   if (!events.empty()) last_sequence_ = std::max(last_sequence_, events.back().sequence);
@@ -50,7 +50,7 @@ void EventLog::add(Event event) {
   event = stamp(std::move(event));
   bool is_first = false;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     is_first = pending_.empty();
     pending_.push_back(std::move(event));
     if (pending_.size() > kMaxPending) {  // nothing can be written
@@ -62,12 +62,12 @@ void EventLog::add(Event event) {
 }
 
 bool EventLog::has_pending() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return !pending_.empty();
 }
 
 EventLog::Pending EventLog::take_pending() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   Pending taken{
       {std::make_move_iterator(pending_.begin()), std::make_move_iterator(pending_.end())},
       std::exchange(has_lost_, false)};
@@ -76,20 +76,20 @@ EventLog::Pending EventLog::take_pending() {
 }
 
 void EventLog::put_back(Pending pending) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   has_lost_ = has_lost_ || pending.has_lost;
   pending_.insert(pending_.begin(), std::make_move_iterator(pending.events.begin()),
                   std::make_move_iterator(pending.events.end()));
 }
 
 std::vector<Event> EventLog::number(std::vector<Event> events) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   for (Event& event : events) event.sequence = ++last_number_;
   return events;
 }
 
 void EventLog::publish(std::vector<Event> events) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   for (Event& event : events) {
     last_sequence_ = event.sequence;
     if (event.kind == EventKind::log_line) {
@@ -123,12 +123,12 @@ void EventLog::keep_line(Event line) {
 // Reading ----------------------------------------------------------------------------------------
 
 std::int64_t EventLog::newest() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return last_sequence_;
 }
 
 std::int64_t EventLog::complete_after() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return complete_after_;
 }
 
@@ -136,7 +136,7 @@ std::vector<Event> EventLog::read(const EventQuery& query, std::size_t limit) co
   std::vector<Event> found;
   std::int64_t last = 0;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     last = last_sequence_;
     for (auto event = newer_than(events_, query.after);
          event != events_.end() && found.size() < limit; ++event) {
@@ -153,7 +153,7 @@ std::vector<Event> EventLog::read(const EventQuery& query, std::size_t limit) co
 std::vector<Event> EventLog::with_lines(std::vector<Event> events, const EventQuery& query,
                                         std::int64_t last) const {
   if (query.job_id.empty()) return events;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto lines = lines_.find(query.job_id);
   if (lines == lines_.end()) return events;
   std::vector<Event> all;

@@ -5,11 +5,12 @@
 #include <deque>
 #include <functional>
 #include <map>
-#include <mutex>
 #include <string>
 #include <vector>
 
+#include "absl/base/thread_annotations.h"
 #include "server/store/farm/event_store.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
@@ -69,19 +70,19 @@ class EventLog {
   std::int64_t complete_after() const;
 
  private:
-  void keep_line(Event line);
+  void keep_line(Event line) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const std::function<std::int64_t()> wall_us_;
   std::function<void()> wake_;
-  mutable std::mutex mutex_;    // guards what follows
-  std::int64_t last_sequence_;  // of what is visible
-  std::int64_t last_number_;
-  std::int64_t complete_after_ = 0;
-  std::deque<Event> pending_;
-  bool has_lost_ = false;
-  std::deque<Event> events_;
-  std::map<std::string, std::deque<Event>> lines_;  // by job
-  std::size_t line_count_ = 0;
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
+  std::int64_t last_sequence_ ABSL_GUARDED_BY(mutex_);  // of what is visible
+  std::int64_t last_number_ ABSL_GUARDED_BY(mutex_);
+  std::int64_t complete_after_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::deque<Event> pending_ ABSL_GUARDED_BY(mutex_);
+  bool has_lost_ ABSL_GUARDED_BY(mutex_) = false;
+  std::deque<Event> events_ ABSL_GUARDED_BY(mutex_);
+  std::map<std::string, std::deque<Event>> lines_ ABSL_GUARDED_BY(mutex_);  // by job
+  std::size_t line_count_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace tessera::server

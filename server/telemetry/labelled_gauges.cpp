@@ -5,7 +5,7 @@
 namespace tessera::server {
 
 void LabelledGauges::set(const std::map<std::string, double>& values) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   std::map<std::string, prometheus::Gauge*> next;
   for (const auto& [name, value] : values) {
     if (next.size() == kMaxLabels) break;

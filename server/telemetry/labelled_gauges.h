@@ -4,8 +4,10 @@
 #include <prometheus/gauge.h>
 
 #include <map>
-#include <mutex>
 #include <string>
+
+#include "absl/base/thread_annotations.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
@@ -23,8 +25,9 @@ class LabelledGauges {
  private:
   prometheus::Family<prometheus::Gauge>& family_;
   const std::string label_;
-  std::mutex mutex_;
-  std::map<std::string, prometheus::Gauge*> gauges_;  // by value of the label
+  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
+  std::map<std::string, prometheus::Gauge*> gauges_
+      ABSL_GUARDED_BY(mutex_);  // by value of the label
 };
 
 }  // namespace tessera::server

@@ -6,20 +6,19 @@ namespace tessera::server {
 
 std::shared_ptr<const void> OpenStreams::add(grpc::CallbackServerContext& context,
                                              const Identity& identity) {
-  auto stream = std::make_shared<Stream>(identity);
-  stream->context = &context;
+  auto stream = std::make_shared<Stream>(identity, context);
   std::int64_t key = 0;
   {
-    const std::lock_guard lock(table_->mutex);
+    const MutexLock lock(table_->mutex);
     key = ++table_->last_key;
-    table_->streams[key] = stream;
+    table_->streams[key] = {stream};
   }
   return std::shared_ptr<const void>(nullptr, [table = table_, stream, key](const void*) {
     {
-      const std::lock_guard lock(stream->mutex);
+      const MutexLock lock(stream->mutex);
       stream->context = nullptr;
     }
-    const std::lock_guard lock(table->mutex);
+    const MutexLock lock(table->mutex);
     table->streams.erase(key);
   });
 }
@@ -28,13 +27,14 @@ std::size_t OpenStreams::cut_refused(const std::function<bool(const Identity&)>&
                                      Time now) {
   std::vector<std::shared_ptr<Stream>> due;
   {
-    const std::lock_guard lock(table_->mutex);
-    for (const auto& [key, stream] : table_->streams) {
+    const MutexLock lock(table_->mutex);
+    for (auto& [key, entry] : table_->streams) {
+      auto& [stream, refused_since] = entry;
       if (is_allowed(stream->identity)) {
-        stream->refused_since.reset();
-      } else if (!stream->refused_since) {
-        stream->refused_since = now;
-      } else if (now - *stream->refused_since >= kGrace) {
+        refused_since.reset();
+      } else if (!refused_since) {
+        refused_since = now;
+      } else if (now - *refused_since >= kGrace) {
         due.push_back(stream);
       }
     }
@@ -42,7 +42,7 @@ std::size_t OpenStreams::cut_refused(const std::function<bool(const Identity&)>&
   // Without the table's mutex: cancelling may run callbacks of this or another stream here.
   std::size_t count = 0;
   for (const auto& stream : due) {
-    const std::lock_guard lock(stream->mutex);
+    const MutexLock lock(stream->mutex);
     if (stream->context == nullptr) continue;
     stream->context->TryCancel();
     ++count;
@@ -51,7 +51,7 @@ std::size_t OpenStreams::cut_refused(const std::function<bool(const Identity&)>&
 }
 
 std::size_t OpenStreams::size() const {
-  const std::lock_guard lock(table_->mutex);
+  const MutexLock lock(table_->mutex);
   return table_->streams.size();
 }
 

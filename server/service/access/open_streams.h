@@ -8,11 +8,12 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <vector>
 
+#include "absl/base/thread_annotations.h"
 #include "server/identity/identity.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
@@ -38,17 +39,24 @@ class OpenStreams {
 
  private:
   struct Stream {
-    explicit Stream(Identity holder) : identity(std::move(holder)) {}
+    Stream(Identity holder, grpc::CallbackServerContext& its_context)
+        : identity(std::move(holder)), context(&its_context) {}
     const Identity identity;
-    std::optional<Time> refused_since;  // guarded by the table's mutex
     /// Held while the stream is cut, which may run OnDone on the same thread.
-    std::recursive_mutex mutex;
-    grpc::CallbackServerContext* context = nullptr;  // null when the stream has ended
+    RecursiveMutex mutex ABSL_ACQUIRED_AFTER(lock_order::kCall)
+        ABSL_ACQUIRED_BEFORE(lock_order::kConnection);
+    /// Null when the stream has ended.
+    grpc::CallbackServerContext* context ABSL_GUARDED_BY(mutex);
+  };
+  struct Entry {
+    std::shared_ptr<Stream> stream;  // owners: the table, the result of add() and cut_refused()
+    std::optional<Time> refused_since = {};
   };
   struct Table {
-    std::mutex mutex;
-    std::int64_t last_key = 0;
-    std::map<std::int64_t, std::shared_ptr<Stream>> streams;
+    Mutex mutex ABSL_ACQUIRED_AFTER(lock_order::kPart)
+        ABSL_ACQUIRED_BEFORE(lock_order::kPipeline){lock_order::kPart};
+    std::int64_t last_key ABSL_GUARDED_BY(mutex) = 0;
+    std::map<std::int64_t, Entry> streams ABSL_GUARDED_BY(mutex);
   };
 
   const std::shared_ptr<Table> table_ = std::make_shared<Table>();  // owners: this and the results

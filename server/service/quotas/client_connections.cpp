@@ -6,7 +6,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <cstring>
 
@@ -62,7 +61,7 @@ void cut(int file, ino_t inode) {
 }  // namespace
 
 void ClientConnections::add(int socket, const sockaddr_storage& peer, Time now) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (const auto old = sockets_.find(socket); old != sockets_.end()) remove(old);
   Connection connection;
   connection.inode = socket_inode(socket);
@@ -75,7 +74,7 @@ void ClientConnections::add(int socket, const sockaddr_storage& peer, Time now) 
 std::size_t ClientConnections::use(const std::string& client, const std::string& peer, double limit,
                                    Time now) {
   const std::string address = address_of_peer(peer);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto found = by_peer_.find(address);
   if (found == by_peer_.end()) return 0;
   const int socket = found->second;
@@ -93,17 +92,18 @@ std::size_t ClientConnections::use(const std::string& client, const std::string&
 }
 
 std::size_t ClientConnections::count(const std::string& client) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return count_open(client);
 }
 
 std::size_t ClientConnections::count_open(const std::string& client) const {
   const auto found = by_client_.find(client);
   if (found == by_client_.end()) return 0;
-  const auto open = std::count_if(found->second.begin(), found->second.end(), [this](int socket) {
-    return socket_inode(socket) == sockets_.at(socket).inode;
-  });
-  return static_cast<std::size_t>(open);
+  std::size_t open = 0;
+  for (const int socket : found->second) {
+    if (socket_inode(socket) == sockets_.at(socket).inode) ++open;
+  }
+  return open;
 }
 
 void ClientConnections::remove(Sockets::iterator connection) {
@@ -118,7 +118,7 @@ void ClientConnections::remove(Sockets::iterator connection) {
 }
 
 std::size_t ClientConnections::cut_refused(Time now) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   std::size_t count = 0;
   for (auto next = sockets_.begin(); next != sockets_.end();) {
     const auto connection = next++;
@@ -132,7 +132,7 @@ std::size_t ClientConnections::cut_refused(Time now) {
 }
 
 bool ClientConnections::cut_silent(Time now) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   auto oldest = sockets_.end();
   for (auto next = sockets_.begin(); next != sockets_.end();) {
     const auto connection = next++;

@@ -7,10 +7,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
+
+#include "absl/base/thread_annotations.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
@@ -57,13 +59,14 @@ class ClientConnections {
   };
   using Sockets = std::map<int, Connection>;
 
-  void remove(Sockets::iterator connection);
-  std::size_t count_open(const std::string& client) const;
+  void remove(Sockets::iterator connection) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::size_t count_open(const std::string& client) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  mutable std::mutex mutex_;  // guards what follows
-  Sockets sockets_;           // by descriptor; closed ones stay until it is used again
-  std::map<std::string, int> by_peer_;
-  std::map<std::string, std::set<int>> by_client_;
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
+  Sockets sockets_
+      ABSL_GUARDED_BY(mutex_);  // by descriptor; closed ones stay until it is used again
+  std::map<std::string, int> by_peer_ ABSL_GUARDED_BY(mutex_);
+  std::map<std::string, std::set<int>> by_client_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace tessera::server

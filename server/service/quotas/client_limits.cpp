@@ -68,7 +68,7 @@ absl::Status ClientLimits::refuse(const std::string& client, double ClientQuota:
 absl::StatusOr<std::shared_ptr<const void>> ClientLimits::reserve_stream(const std::string& client,
                                                                          bool is_subscription) {
   const ClientQuota& quota = quotas_.of(client);
-  const std::lock_guard lock(uses_->mutex);
+  const MutexLock lock(uses_->mutex);
   Use& use = uses_->by_client[client];
   if (quota.streams > 0 && use.streams + 1 > quota.streams) {
     return refuse(client, &ClientQuota::streams, use.streams + 1);
@@ -80,7 +80,7 @@ absl::StatusOr<std::shared_ptr<const void>> ClientLimits::reserve_stream(const s
   ++use.streams;
   if (is_subscription) ++use.subscriptions;
   return std::shared_ptr<const void>(nullptr, [uses = uses_, client, is_subscription](const void*) {
-    const std::lock_guard end_lock(uses->mutex);
+    const MutexLock end_lock(uses->mutex);
     Use& ended = uses->by_client[client];
     --ended.streams;
     if (is_subscription) --ended.subscriptions;
@@ -89,14 +89,14 @@ absl::StatusOr<std::shared_ptr<const void>> ClientLimits::reserve_stream(const s
 
 absl::StatusOr<std::shared_ptr<const void>> ClientLimits::reserve_call(const std::string& client) {
   const double limit = quotas_.of(client).concurrent_calls;
-  const std::lock_guard lock(uses_->mutex);
+  const MutexLock lock(uses_->mutex);
   Use& use = uses_->by_client[client];
   if (limit > 0 && use.calls_in_progress + 1 > limit) {
     return with_pause(refuse(client, &ClientQuota::concurrent_calls, use.calls_in_progress + 1));
   }
   ++use.calls_in_progress;
   return std::shared_ptr<const void>(nullptr, [uses = uses_, client](const void*) {
-    const std::lock_guard end_lock(uses->mutex);
+    const MutexLock end_lock(uses->mutex);
     --uses->by_client[client].calls_in_progress;
   });
 }
@@ -115,7 +115,7 @@ void ClientLimits::note_connection(const std::string& caller, const std::string&
 
 absl::Status ClientLimits::count_call(const std::string& client, Time now) {
   const double rate = quotas_.of(client).calls, burst = burst_of(rate);
-  const std::lock_guard lock(uses_->mutex);
+  const MutexLock lock(uses_->mutex);
   Use& use = uses_->by_client[client];
   if (rate == 0 || use.calls.take(1, burst, rate, now)) return absl::OkStatus();
   return with_pause(refuse(client, &ClientQuota::calls, (use.calls.level + 1) * rate / burst));
@@ -123,7 +123,7 @@ absl::Status ClientLimits::count_call(const std::string& client, Time now) {
 
 absl::Status ClientLimits::count_upload(const std::string& client, std::int64_t bytes, Time now) {
   const double limit = quotas_.of(client).upload_gb, gb = static_cast<double>(bytes) / kGiga;
-  const std::lock_guard lock(uses_->mutex);
+  const MutexLock lock(uses_->mutex);
   Use& use = uses_->by_client[client];
   if (limit == 0 || use.uploads.take(gb, limit, limit / kSecondsPerHour, now)) {
     return absl::OkStatus();
@@ -134,7 +134,7 @@ absl::Status ClientLimits::count_upload(const std::string& client, std::int64_t 
 std::set<std::string> ClientLimits::clients() const {
   std::set<std::string> names;
   for (const auto& [client, quota] : quotas_.by_client) names.insert(client);
-  const std::lock_guard lock(uses_->mutex);
+  const MutexLock lock(uses_->mutex);
   for (const auto& [client, use] : uses_->by_client) names.insert(client);
   return names;
 }
@@ -144,7 +144,7 @@ double ClientLimits::used(const std::string& client, const QuotaKind& kind, Time
     return static_cast<double>(connections_.count(client));
   }
   const ClientQuota& quota = quotas_.of(client);
-  const std::lock_guard lock(uses_->mutex);
+  const MutexLock lock(uses_->mutex);
   const auto found = uses_->by_client.find(client);
   if (found == uses_->by_client.end()) return 0;
   const Use& use = found->second;

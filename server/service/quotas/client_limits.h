@@ -5,13 +5,14 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <set>
 #include <string>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
 #include "server/service/quotas/client_connections.h"
 #include "server/state/client_quota.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
@@ -73,8 +74,8 @@ class ClientLimits {
     Bucket calls, uploads;  // calls, GB
   };
   struct Uses {
-    std::mutex mutex;
-    std::map<std::string, Use> by_client;  // by the certificate's name
+    Mutex mutex ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
+    std::map<std::string, Use> by_client ABSL_GUARDED_BY(mutex);  // by the certificate's name
   };
   absl::Status refuse(const std::string& client, double ClientQuota::*member, double used) const;
 

@@ -1,20 +1,25 @@
 #include "server/service/streams/deliver_stream.h"
 
 #include <memory>
-#include <mutex>
 
+#include "absl/base/thread_annotations.h"
 #include "rpc/rpc_status.h"
 #include "server/service/messages/block_assembly.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 namespace {
 
 class DeliverStream;
 
-/// Lets the coordinator call a stream that may have ended.
+/// State of a stream; lets the coordinator call a stream that may have ended.
 struct DeliverHandle {
-  std::mutex mutex;
-  DeliverStream* stream = nullptr;
+  Mutex mutex ABSL_ACQUIRED_AFTER(lock_order::kStream)
+      ABSL_ACQUIRED_BEFORE(lock_order::kFarm){lock_order::kStream};
+  DeliverStream* stream ABSL_GUARDED_BY(mutex) = nullptr;
+  bool is_waiting ABSL_GUARDED_BY(mutex) = false;  // for room; no read is pending
+  bool is_cancelled ABSL_GUARDED_BY(mutex) = false;
+  bool is_finished ABSL_GUARDED_BY(mutex) = false;
 };
 
 /// Reads while there is room, else waits for the coordinator's callback.
@@ -25,7 +30,10 @@ class DeliverStream final : public grpc::ServerReadReactor<v1::DeliverRequest> {
         caller_(caller.value_or(Caller{})),
         blocks_(coordinator, caller_.certificate()),
         handle_(std::make_shared<DeliverHandle>()) {
-    handle_->stream = this;
+    {
+      const MutexLock lock(handle_->mutex);
+      handle_->stream = this;
+    }
     if (caller.ok()) {
       StartRead(&request_);
     } else {
@@ -35,42 +43,44 @@ class DeliverStream final : public grpc::ServerReadReactor<v1::DeliverRequest> {
 
   void OnReadDone(bool ok) override {
     const absl::Status status = ok ? blocks_.take(request_) : absl::OkStatus();
-    const std::lock_guard lock(handle_->mutex);
-    if (!ok || !status.ok() || is_cancelled_) {
-      is_finished_ = true;
+    const MutexLock lock(handle_->mutex);
+    if (!ok || !status.ok() || handle_->is_cancelled) {
+      handle_->is_finished = true;
       Finish(contract::to_rpc(status));
       return;
     }
-    is_waiting_ = true;
-    const auto resume = [handle = handle_] {
-      const std::lock_guard resume_lock(handle->mutex);
-      if (handle->stream != nullptr) handle->stream->resume();
+    handle_->is_waiting = true;
+    const auto resume_later = [handle = handle_] {
+      const MutexLock resume_lock(handle->mutex);
+      if (handle->stream != nullptr) DeliverStream::resume(*handle);
     };
-    if (coordinator_.intake().has_room_or_call(resume)) this->resume();
+    if (coordinator_.intake().has_room_or_call(resume_later)) resume(*handle_);
   }
 
   void OnCancel() override {
-    const std::lock_guard lock(handle_->mutex);
-    is_cancelled_ = true;
-    if (!is_waiting_ || is_finished_) return;  // the pending read fails and ends the call
-    is_waiting_ = false;
-    is_finished_ = true;
+    const MutexLock lock(handle_->mutex);
+    handle_->is_cancelled = true;
+    // Unless it waits, the pending read fails and ends the call.
+    if (!handle_->is_waiting || handle_->is_finished) return;
+    handle_->is_waiting = false;
+    handle_->is_finished = true;
     Finish(contract::to_rpc(absl::CancelledError("worker disconnected")));
   }
 
   void OnDone() override {
-    const std::shared_ptr<DeliverHandle> handle = handle_;
-    const std::lock_guard lock(handle->mutex);
-    handle->stream = nullptr;
+    {
+      const MutexLock lock(handle_->mutex);
+      handle_->stream = nullptr;
+    }
     delete this;
   }
 
  private:
-  /// Requires the handle's lock.
-  void resume() {
-    if (!is_waiting_) return;
-    is_waiting_ = false;
-    StartRead(&request_);
+  /// Reads on if the stream waits for room.
+  static void resume(DeliverHandle& handle) ABSL_EXCLUSIVE_LOCKS_REQUIRED(handle.mutex) {
+    if (!handle.is_waiting) return;
+    handle.is_waiting = false;
+    handle.stream->StartRead(&handle.stream->request_);
   }
 
   Coordinator& coordinator_;
@@ -78,8 +88,6 @@ class DeliverStream final : public grpc::ServerReadReactor<v1::DeliverRequest> {
   BlockAssembly blocks_;
   v1::DeliverRequest request_;
   const std::shared_ptr<DeliverHandle> handle_;  // owners: this and pending callbacks
-  bool is_waiting_ = false;                      // waits for room; no read is pending
-  bool is_cancelled_ = false, is_finished_ = false;
 };
 
 }  // namespace

@@ -1,12 +1,13 @@
 #include "server/service/streams/event_stream.h"
 
 #include <chrono>
-#include <mutex>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/strings/str_cat.h"
 #include "server/service/messages/messages.h"
 #include "server/service/quotas/refusal.h"
 #include "server/service/streams/polling_stream.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 namespace {
@@ -31,19 +32,18 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
       return;
     }
     coordinator_.queries().after_answers([this] {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       start();
     });
   }
 
   void OnWriteDone(bool ok) override {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     poll_unless_cancelled(ok);
   }
 
  private:
-  /// Requires the lock.
-  void start() {
+  void start() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     const std::int64_t newest = coordinator_.events().newest();
     if (query_.after <= newest) return poll_unless_cancelled(true);
     finish(absl::OutOfRangeError(absl::StrCat("after_sequence ", query_.after,
@@ -51,7 +51,7 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
                                               "; was the store replaced?")));
   }
 
-  void poll() override {
+  void poll() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
     const std::int64_t dropped = coordinator_.queries().last_dropped_event();
     if (query_.after != 0 && query_.after < dropped) {
@@ -60,28 +60,28 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
                        " are no longer kept; 0 starts with the oldest one that is")));
     }
     if (query_.after < coordinator_.events().complete_after()) {
-      return io_.post([this] { read_stored(); });
+      return io_.post([this, query = query_] { read_stored(query); });
     }
     send(coordinator_.events().read(query_, kEventsPerMessage));
   }
 
   /// Reads events up to those that are in memory.
-  void read_stored() {
+  void read_stored(const EventQuery& query) {
     const std::int64_t end = coordinator_.events().complete_after();
-    auto stored = coordinator_.queries().stored_events(query_, kEventsPerMessage);
-    const std::lock_guard lock(mutex_);
+    auto stored = coordinator_.queries().stored_events(query, kEventsPerMessage);
+    const MutexLock lock(mutex_);
     if (!stored.ok()) return finish(stored.status());
     std::erase_if(*stored, [end](const Event& event) { return event.sequence > end; });
     const bool is_page = stored->size() == kEventsPerMessage;
     const std::int64_t last = is_page ? stored->back().sequence : end;
-    auto events = coordinator_.events().with_lines(*std::move(stored), query_, last);
+    auto events = coordinator_.events().with_lines(*std::move(stored), query, last);
     if (events.size() > kEventsPerMessage) events.resize(kEventsPerMessage);
     if (!events.empty()) return send(events);
     query_.after = end;
     poll_unless_cancelled(true);
   }
 
-  void send(const std::vector<Event>& events) {
+  void send(const std::vector<Event>& events) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (events.empty()) return follow_ ? wait(kEventPoll) : finish(absl::OkStatus());
     query_.after = events.back().sequence;
     response_.Clear();
@@ -94,8 +94,8 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
   IoPool& io_;
   const Caller caller_;
   const bool follow_;
-  EventQuery query_;
-  v1::WatchEventsResponse response_;
+  EventQuery query_ ABSL_GUARDED_BY(mutex_);
+  v1::WatchEventsResponse response_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace

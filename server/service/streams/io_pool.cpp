@@ -10,7 +10,7 @@ IoPool::IoPool(int thread_count) {
 
 IoPool::~IoPool() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     is_stopping_ = true;
   }
   wake_.notify_all();
@@ -19,7 +19,7 @@ IoPool::~IoPool() {
 
 void IoPool::post(std::function<void()> task) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     tasks_.push_back(std::move(task));
   }
   wake_.notify_one();
@@ -29,8 +29,8 @@ void IoPool::run() {
   while (true) {
     std::function<void()> task;
     {
-      std::unique_lock lock(mutex_);
-      wake_.wait(lock, [this] { return is_stopping_ || !tasks_.empty(); });
+      const MutexLock lock(mutex_);
+      while (!is_stopping_ && tasks_.empty()) wake_.wait(mutex_);
       if (tasks_.empty()) return;
       task = std::move(tasks_.front());
       tasks_.pop_front();

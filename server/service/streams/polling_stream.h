@@ -4,10 +4,11 @@
 #include <grpcpp/support/server_callback.h>
 
 #include <chrono>
-#include <mutex>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
 #include "rpc/rpc_status.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 
@@ -18,23 +19,22 @@ class PollingStream : public grpc::ServerWriteReactor<Response> {
  public:
   // The names are those of gRPC.
   void OnCancel() final {  // NOLINT(readability-identifier-naming)
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     is_cancelled_ = true;
     alarm_.Cancel();
   }
 
   void OnDone() final {  // NOLINT(readability-identifier-naming)
-    { const std::lock_guard lock(mutex_); }
+    { const MutexLock lock(mutex_); }
     delete this;
   }
 
  protected:
-  /// Starts a write, calls wait() or calls finish(). Runs under the lock.
-  virtual void poll() = 0;
+  /// Starts a write, calls wait() or calls finish().
+  virtual void poll() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
 
-  /// Finishes the call if the client has disconnected or `ok` is false, else polls. Requires the
-  /// lock.
-  void poll_unless_cancelled(bool ok) {
+  /// Finishes the call if the client has disconnected or `ok` is false, else polls.
+  void poll_unless_cancelled(bool ok) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (!ok || is_cancelled_) {
       finish(absl::CancelledError("client disconnected"));
     } else {
@@ -42,21 +42,23 @@ class PollingStream : public grpc::ServerWriteReactor<Response> {
     }
   }
 
-  /// Polls after `delay`. Requires the lock.
-  void wait(std::chrono::milliseconds delay) {
+  /// Polls after `delay`.
+  void wait(std::chrono::milliseconds delay) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     alarm_.Set(std::chrono::system_clock::now() + delay, [this](bool) {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       poll_unless_cancelled(true);
     });
   }
 
   void finish(const absl::Status& status) { this->Finish(contract::to_rpc(status)); }
 
-  std::mutex mutex_;  // callbacks run on several threads
+  /// Callbacks run on several threads.
+  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kStream)
+      ABSL_ACQUIRED_BEFORE(lock_order::kFarm){lock_order::kStream};
 
  private:
-  bool is_cancelled_ = false;
-  grpc::Alarm alarm_;
+  bool is_cancelled_ ABSL_GUARDED_BY(mutex_) = false;
+  grpc::Alarm alarm_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace tessera::server

@@ -2,13 +2,14 @@
 
 #include <algorithm>
 #include <chrono>
-#include <mutex>
 #include <optional>
 #include <string>
 
+#include "absl/base/thread_annotations.h"
 #include "server/service/messages/job_messages.h"
 #include "server/service/quotas/refusal.h"
 #include "server/service/streams/polling_stream.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 namespace {
@@ -39,7 +40,7 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
         caller_(caller.value_or(Caller{})),
         job_id_(request.job_id()),
         interval_(watch_interval(request)) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (!caller.ok()) {
       refuse(*this, caller.status());
     } else {
@@ -48,14 +49,14 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
   }
 
   void OnWriteDone(bool ok) override {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (ok && has_ended_) return finish(absl::OkStatus());
     if (ok) return wait_for_change();
     poll_unless_cancelled(ok);
   }
 
  private:
-  void poll() override {
+  void poll() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
     const auto view = coordinator_.queries().job(job_id_);
     if (!view.ok()) return finish(view.status());
@@ -75,7 +76,7 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
     StartWrite(&response_);
   }
 
-  void wait_for_change() {
+  void wait_for_change() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     const auto watched =
         std::chrono::duration_cast<milliseconds>(std::chrono::steady_clock::now() - start_);
     wait(std::clamp(watched / kShareOfTime, kMinPoll, kMaxPoll));
@@ -87,10 +88,10 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
   const std::string job_id_;
   const milliseconds interval_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-  bool has_ended_ = false;
-  std::optional<JobView> sent_;
-  std::chrono::steady_clock::time_point sent_at_;
-  v1::WatchJobResponse response_;
+  bool has_ended_ ABSL_GUARDED_BY(mutex_) = false;
+  std::optional<JobView> sent_ ABSL_GUARDED_BY(mutex_);
+  std::chrono::steady_clock::time_point sent_at_ ABSL_GUARDED_BY(mutex_);
+  v1::WatchJobResponse response_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace

@@ -6,18 +6,19 @@
 #include <chrono>
 #include <deque>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "absl/base/thread_annotations.h"
 #include "rpc/rpc_status.h"
 #include "server/service/access/numerics_check.h"
 #include "server/service/access/protocol_check.h"
 #include "server/service/messages/job_messages.h"
 #include "server/service/messages/messages.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 namespace {
@@ -113,13 +114,15 @@ class StreamConnection final : public WorkerConnection {
   void close(const absl::Status& reason) override;
   void cut();
   void detach() {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stream_ = nullptr;
   }
 
  private:
-  std::mutex mutex_;  // held during calls of the stream, so that it is not destroyed
-  WorkStream* stream_;
+  /// Held during calls of the stream, so that it is not destroyed.
+  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kConnection)
+      ABSL_ACQUIRED_BEFORE(lock_order::kStream){lock_order::kConnection};
+  WorkStream* stream_ ABSL_GUARDED_BY(mutex_);
 };
 
 class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse> {
@@ -149,16 +152,16 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   void OnReadDone(bool ok) override {
     absl::Status status = ok ? services_.access.recheck(caller_) : absl::OkStatus();
     if (!ok || !status.ok()) return finish(status);
-    const bool is_known = session_.has_value();
-    status = is_known ? take() : begin();
+    const std::optional<Session> session = this->session();
+    status = session ? take(*session) : begin();
     if (!status.ok()) return finish(status);
-    if (!is_known) return;  // finish_admission() reads on
-    const std::lock_guard lock(mutex_);
+    if (!session) return;  // finish_admission() reads on
+    const MutexLock lock(mutex_);
     if (!final_status_) StartRead(&request_);
   }
 
   void OnWriteDone(bool ok) override {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     is_writing_ = false;
     if (!out_.empty()) out_.pop_front();
     if (final_status_) {
@@ -170,21 +173,21 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
 
   void OnDone() override {
     connection_->detach();
-    if (session_) coordinator_.workers().disconnect(*session_);
-    { const std::lock_guard lock(mutex_); }
+    const std::optional<Session> session = this->session();  // waits for calls that hold the lock
+    if (session) coordinator_.workers().disconnect(*session);
     delete this;
   }
 
   /// Sends pending messages unless a write is running, after which OnWriteDone continues.
   void pump() {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (!is_writing_) write_next();
   }
 
   void cut() { context_.TryCancel(); }
 
   void finish(const absl::Status& status) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (final_status_) return;
     final_status_ = status;
     if (is_being_admitted_)
@@ -201,7 +204,12 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   }
 
  private:
-  void write_next() {
+  std::optional<Session> session() {
+    const MutexLock lock(mutex_);
+    return session_;
+  }
+
+  void write_next() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (final_status_ || !session_) return;
     if (out_.empty()) write_outbox(coordinator_.workers().take_outbox(*session_), out_);
     if (out_.empty()) return;
@@ -209,8 +217,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     StartWrite(&out_.front());
   }
 
-  absl::Status take() {
-    const Session session = *session_;
+  absl::Status take(Session session) {
     switch (request_.event_case()) {
       case v1::WorkRequest::kHeartbeat:
         coordinator_.workers().heartbeat(session, unit_names(request_.heartbeat().started()),
@@ -271,7 +278,11 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     auto hello = from_message(message);
     if (!hello.ok()) return hello.status();
     hello->certificate = caller_.certificate();
-    is_being_admitted_ = true;  // only finish_admission() runs before the next read
+    {
+      const MutexLock lock(mutex_);
+      if (final_status_) return *final_status_;  // timed out just now; this may soon be destroyed
+      is_being_admitted_ = true;  // only finish_admission() runs before the next read
+    }
     services_.admission.admit(caller_, hello->worker_id, sent_token(context_),
                               [this, hello = *hello](const absl::StatusOr<std::string>& key) {
                                 finish_admission(hello, key);
@@ -286,7 +297,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     if (context_.IsCancelled()) refusal = absl::CancelledError("the worker has left");
     std::optional<WorkerRegistry::Joined> joined;
     if (refusal.ok()) joined = coordinator_.workers().join(hello, connection_);
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     is_being_admitted_ = false;
     if (joined) session_ = joined->session;
     if (!joined && !final_status_) final_status_ = refusal;
@@ -295,8 +306,8 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     StartRead(&request_);
   }
 
-  /// Requires the lock.
-  void write_welcome(const WorkerRegistry::Joined& joined, const std::string& session_key) {
+  void write_welcome(const WorkerRegistry::Joined& joined, const std::string& session_key)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     v1::Welcome& welcome = *out_.emplace_back().mutable_welcome();
     welcome.set_session_key(session_key);
     welcome.set_store_id(joined.store_id);
@@ -316,26 +327,27 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   grpc::Alarm finish_alarm_;                            // limits the last write
   v1::WorkRequest request_;                             // of the pending read
 
-  std::mutex mutex_;                // guards the members below; taken before the coordinator's lock
-  bool is_being_admitted_ = false;  // between Hello and Welcome
-  std::optional<Session> session_;
-  std::deque<v1::WorkResponse> out_;  // the front message is being written
-  bool is_writing_ = false;
-  std::optional<absl::Status> final_status_;
+  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kStream)
+      ABSL_ACQUIRED_BEFORE(lock_order::kFarm){lock_order::kStream};
+  bool is_being_admitted_ ABSL_GUARDED_BY(mutex_) = false;  // between Hello and Welcome
+  std::optional<Session> session_ ABSL_GUARDED_BY(mutex_);
+  std::deque<v1::WorkResponse> out_ ABSL_GUARDED_BY(mutex_);  // the front message is being written
+  bool is_writing_ ABSL_GUARDED_BY(mutex_) = false;
+  std::optional<absl::Status> final_status_ ABSL_GUARDED_BY(mutex_);
 };
 
 void StreamConnection::wake() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (stream_ != nullptr) stream_->pump();
 }
 
 void StreamConnection::close(const absl::Status& reason) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (stream_ != nullptr) stream_->finish(reason);
 }
 
 void StreamConnection::cut() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (stream_ != nullptr) stream_->cut();
 }
 

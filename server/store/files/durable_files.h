@@ -47,7 +47,7 @@ class DurableFiles {
   Filesystem& filesystem_;
   std::function<void(const std::string&)> fatal_;
   std::function<void(double seconds)> synced_;
-  mutable Mutex mutex_;
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
   bool broken_ ABSL_GUARDED_BY(mutex_) = false;
   std::unordered_set<std::string> durable_folders_ ABSL_GUARDED_BY(mutex_);
 };

@@ -79,7 +79,7 @@ class Segments {
   std::string folder_;
   std::int64_t segment_bytes_;
   std::map<std::string, Tail> tails_;
-  mutable Mutex readers_mutex_;
+  mutable Mutex readers_mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
   mutable std::list<OpenSegment> readers_ ABSL_GUARDED_BY(readers_mutex_);  // latest first
 };
 

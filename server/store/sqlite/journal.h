@@ -63,7 +63,8 @@ class Journal {
   DurableFiles& files_;
   const Upkeep upkeep_;
   std::unique_ptr<Database> writer_;
-  mutable Mutex reader_mutex_;
+  mutable Mutex reader_mutex_ ABSL_ACQUIRED_AFTER(lock_order::kJournal)
+      ABSL_ACQUIRED_BEFORE(lock_order::kLeaf){lock_order::kJournal};
   std::unique_ptr<Database> reader_ ABSL_PT_GUARDED_BY(reader_mutex_);
   bool is_together_ = false;  // write_together() runs
   std::vector<std::function<absl::Status()>> after_together_;
