@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -43,6 +44,12 @@ class CommitPipeline final : public EffectHandler {
   /// Ends waiting rounds. Further rounds without waiting still write what is queued.
   void stop() ABSL_LOCKS_EXCLUDED(mutex_);
   bool is_stopping() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Number of writes and answers that wait.
+  std::size_t waiting_count() const ABSL_LOCKS_EXCLUDED(mutex_) {
+    const MutexLock lock(mutex_);
+    return next_.changed.size() + next_.roster.size() + next_.answers.size() + next_.tasks.size() +
+           outcomes_.size();
+  }
 
   /// Runs `write`, which calls writing functions of the store, within the transaction of a round,
   /// then `done` with the outcome: `write`'s own error, else the transaction's. In order with what

@@ -70,6 +70,16 @@ void Coordinator::tick() {
   settings_.write_use(change);
 }
 
+Coordinator::MemoryUse Coordinator::memory_use() const {
+  const FarmView view(farm_);
+  return {.ingest_bytes = budget_.used_bytes(),
+          .film_bytes = finisher_.films().cache().used_bytes(),
+          .connections = workers_.connection_count(view),
+          .blocks = intake_.block_count(),
+          .writes = pipeline_.waiting_count(),
+          .film_tasks = finisher_.tasks().size()};
+}
+
 void Coordinator::stop() {
   {
     FarmChange change(farm_);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 
 #include "absl/status/statusor.h"
@@ -59,6 +61,18 @@ class Coordinator {
   const EventLog& events() { return farm_.events(); }
   FarmMetrics& metrics() { return farm_.metrics(); }
   const ClientQuotas& quotas() const { return farm_.options().client_quotas; }
+  /// The state of the farm, for tests that check it after each step.
+  const FarmState& farm() const { return farm_; }
+  /// What the parts keep in memory until it has been written, answered or merged.
+  struct MemoryUse {
+    std::int64_t ingest_bytes = 0;  // at most FarmOptions::ingest_bytes and a block per stream
+    std::int64_t film_bytes = 0;    // at most FarmOptions::film_memory_bytes, or one tile
+    std::size_t connections = 0;    // open Work streams
+    std::size_t blocks = 0;         // delivered and not answered
+    std::size_t writes = 0;         // waiting for the writer or for their answers
+    std::size_t film_tasks = 0;     // waiting for a film thread
+  };
+  MemoryUse memory_use() const;
   /// Signs of life of the threads.
   Health& health() { return health_; }
 

@@ -43,7 +43,9 @@ class FrameFinisher final : public EffectHandler {
 
   /// The film threads' tasks, by frame.
   StrandQueue<FrameKey>& tasks() { return tasks_; }
+  const StrandQueue<FrameKey>& tasks() const { return tasks_; }
   FrameFilms& films() { return films_; }
+  const FrameFilms& films() const { return films_; }
 
   /// Merges a committed unit.
   void merge(FilmUpdate update);

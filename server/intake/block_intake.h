@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -78,6 +79,11 @@ class BlockIntake {
   bool has_room_or_call(std::function<void()> resume) {
     return budget_.has_room_or_call(std::move(resume));
   }
+  /// Number of blocks that wait for their commit or its answer.
+  std::size_t block_count() const ABSL_LOCKS_EXCLUDED(mutex_) {
+    const MutexLock lock(mutex_);
+    return delivered_.size() + committing_.size();
+  }
   /// Recent deliveries.
   const DeliveryLog& deliveries() const { return deliveries_; }
 
@@ -136,7 +142,7 @@ class BlockIntake {
   Budgets& budgets_;
   DeliveryLog deliveries_;
 
-  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kPart)
+  mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kPart)
       ABSL_ACQUIRED_BEFORE(lock_order::kPipeline){lock_order::kPart};
   std::vector<Delivered> delivered_ ABSL_GUARDED_BY(mutex_);
   std::set<UnitName> committing_ ABSL_GUARDED_BY(mutex_);  // in a group that is not answered yet

@@ -97,6 +97,13 @@ absl::Status check_render_contract(const JobSpec& spec) {
 // Changes ----------------------------------------------------------------------------------------
 
 void JobAdmin::change_job(const std::string& job_id, Change what, const OnJob& done) {
+  if (what != Change::retry) return change_now(job_id, what, done);
+  // A retry counts against the quotas. On the writer thread all jobs that are being created are
+  // counted too: their rows are not written, or they are in the farm.
+  pipeline_.post([this, job_id, done] { change_now(job_id, Change::retry, done); });
+}
+
+void JobAdmin::change_now(const std::string& job_id, Change what, const OnJob& done) {
   FarmChange change(farm_);
   Job* job = change.find_job(job_id);
   const absl::Status status = job == nullptr ? no_such_job(job_id) : apply(change, *job, what);

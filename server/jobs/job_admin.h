@@ -71,6 +71,7 @@ class JobAdmin {
   void tick(FarmChange& change);
 
  private:
+  void change_now(const std::string& job_id, Change what, const OnJob& done);
   absl::Status apply(FarmChange& change, Job& job, Change what);
   absl::StatusOr<std::shared_ptr<JobSpec>> spec_to_extend(const std::string& job_id,
                                                           const Extension& extension) const;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -74,6 +75,9 @@ class WorkerRegistry final : public EffectHandler {
   /// Returns workers that are connected or were lost within the last hour, each with the seconds
   /// since its last message.
   std::vector<std::pair<Worker, double>> list() const;
+
+  /// Number of open connections.
+  std::size_t connection_count(const FarmView& /*farm*/) const { return connections_.size(); }
 
   // Operators' orders.
   /// Drains a worker. Errors: NotFound, it is not connected.

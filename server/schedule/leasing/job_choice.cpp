@@ -34,8 +34,11 @@ JobKey JobChoice::choose_job(const Worker& worker, const std::set<JobKey>& refus
   const Job* current =
       has_waiting && may(worker.current_job) ? jobs_.find(worker.current_job) : nullptr;
   if (current == nullptr) return next_job(worker, may);
+  // A worker that has rendered units without a report had the scene loaded already, for instance
+  // before this server started, or its report was lost with its stream.
   const bool has_paid_off =
-      worker.load_seconds && worker.seconds_in_job >= policy_.load_factor * *worker.load_seconds;
+      worker.load_seconds ? worker.seconds_in_job >= policy_.load_factor * *worker.load_seconds
+                          : worker.seconds_in_job > 0;
   std::set<std::string> open;  // a worker's own set suffices while no limit is in use
   const std::set<std::string>& queues = ready_.limited().empty()
                                             ? worker.serves

@@ -65,6 +65,8 @@ class Scheduler {
   /// Counts everything again and compares it with the indexes, for tests. Errors: Internal, the
   /// first difference.
   absl::Status verify() const;
+  /// The newest lease of this start; its counter is the number of leases granted.
+  Attempt last_attempt() const { return grants_.last_attempt(); }
   /// Number of workers and jobs visited so far. Tests of cost count these steps instead of time.
   std::int64_t step_count() const { return tables_.counts.step_count(); }
 

@@ -13,7 +13,11 @@ Effects Outgoing::take() {
 }
 
 void Outgoing::wake(Worker& worker) {
-  if (worker.connected && worker.outbox.size() > max_outbox_) {
+  if (!worker.connected) {
+    worker.outbox = {};  // when it connects it says what it holds, and is told what it needs then
+    return;
+  }
+  if (worker.outbox.size() > max_outbox_) {
     worker.outbox = {};
     to_wake_.erase(worker.key);
     effects_.to_close_unread.push_back(worker.key);

@@ -99,7 +99,7 @@ struct Worker {
   JobKey current_job = 0;
   double seconds_in_job = 0;           // CPU seconds committed since it switched to current_job
   std::optional<double> load_seconds;  // load time of current_job's scene on this worker, once
-                                       // loaded
+                                       // reported
   std::vector<SceneKey> scenes;        // loaded scenes, latest first; their files are in its cache
   std::int64_t committed_count = 0;
   double cpu_seconds = 0;

@@ -48,6 +48,17 @@ TEST_F(JobsTest, UnfinishedJobsPerOwnerAreLimited) {
   EXPECT_TRUE(absl::IsResourceExhausted(change(one, JobAdmin::Change::retry).status()));
 }
 
+TEST_F(JobsTest, RetryCountsJobsBeingCreated) {
+  options.client_quotas.defaults.jobs = 2;
+  start();
+  const std::string one = create_job("one");
+  create_job("two");
+  ASSERT_TRUE(change(one, JobAdmin::Change::cancel).ok());
+  coordinator->admission().create_job(spec_of("three"), [](const auto& /*created*/) {});
+  ASSERT_TRUE(coordinator->run_writer(false)) << "written and not answered";
+  EXPECT_TRUE(absl::IsResourceExhausted(change(one, JobAdmin::Change::retry).status()));
+}
+
 TEST_F(JobsTest, SamplesPerOwnerAreLimited) {
   options.client_quotas.defaults.gigasamples = 2.0 * 20 * 12 * 8 / 1e9;
   start();

@@ -148,6 +148,7 @@ TEST(WaitReason, NamesWhatTheJobWaitsFor) {
   EXPECT_EQ(farm.scheduler.waiting().wait_reason(farm.add_job({.tiles = 1})),
             WaitReason::older_job);
   Job& of_ben = farm.add_job({.tiles = 1, .owner = "ben"});
+  farm.scheduler.connections().scene_loaded(worker, "j1", {100, 0});  // the worker stays with it
   farm.complete(worker, farm.leased(worker).at(0), 1);
   farm.scheduler.take_effects();
   EXPECT_EQ(farm.scheduler.waiting().wait_reason(of_ben), WaitReason::farm_busy);

@@ -323,6 +323,15 @@ TEST(Scheduler, WorkerStaysUntilSceneLoadIsAmortised) {
   EXPECT_EQ(stayed, 20);
 }
 
+TEST(Scheduler, WorkerWithoutLoadReportChangesJobs) {
+  SchedulerHarness farm;
+  farm.add_job({.tiles = 400, .owner = "ann"});
+  const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 1});
+  farm.add_job({.tiles = 400, .owner = "ben"});
+  farm.complete(worker, farm.leased(worker).at(0), 1);
+  EXPECT_EQ(farm.leased(worker).at(0).job_id, "j2");
+}
+
 TEST(Scheduler, PriorityJobInterruptsStay) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 400});

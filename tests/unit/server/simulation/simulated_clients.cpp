@@ -18,21 +18,49 @@ std::string read_file(const std::string& path) {
 
 }  // namespace
 
-/// Called where the server answers; the answer arrives at the end of the step.
+/// Called where the server answers; the answer is sent at the end of the step.
 void SimulatedServer::answer(std::function<void()> arrive) {
   answers_.push_back({operation(), std::move(arrive)});
 }
 
+/// Sends a request about a job; `arrive` is called at the server with its number.
+void SimulatedServer::call(ClientJob& job, std::function<void(int request)> arrive) {
+  job.is_pending = true;
+  job.is_alone = job.stray_count == 0;
+  network_.send(now_, [this, &job, number = ++job.request, arrive = std::move(arrive)] {
+    fairness_->note_change(small_job(job.kind, 8).owner);
+    arrive(number);
+  });
+}
+
+/// Returns whether the client waits for the answer to this request.
+bool SimulatedServer::note_answer(ClientJob& job, int request) {
+  const bool is_awaited = job.is_pending && job.request == request;
+  if (is_awaited) {
+    job.is_pending = false;
+  } else {
+    --job.stray_count;
+  }
+  return is_awaited;
+}
+
 void SimulatedServer::act_as_client() {
-  if (jobs_.size() < kMaxJobs && dice_.one_in(12)) {
+  const std::size_t max_jobs = is_shared_ ? kSharedKinds : kMaxJobs;
+  if (jobs_.size() < max_jobs && dice_.one_in(is_shared_ ? 2 : 12)) {
     const std::string request_id = absl::StrCat("request", jobs_.size());
     ClientJob& job = jobs_[request_id];
     job.request_id = request_id;
-    job.kind = dice_.below(kJobKinds);
-    job.sample_counts = {dice_.one_in(2) ? 8 : 16};
+    job.kind =
+        is_shared_ ? kFirstSharedKind + static_cast<int>(jobs_.size()) - 1 : dice_.below(kJobKinds);
+    job.sample_counts = {is_shared_ || dice_.one_in(2) ? 8 : 16};
   }
   for (auto& [request_id, job] : jobs_) {
-    if (job.is_pending || job.is_gone) continue;
+    if (job.is_pending && dice_.one_in(15)) {  // its deadline passes
+      ++events_.abandoned_requests;
+      ++job.stray_count;
+      job.is_pending = false;
+    }
+    if (job.is_pending || job.is_gone || (is_shared_ && !job.id.empty())) continue;
     if (job.id.empty() ? dice_.one_in(3) : dice_.one_in(25)) request(job);
   }
 }
@@ -79,35 +107,38 @@ void SimulatedServer::upload(int kind) {
 /// Creates the job, or repeats the request.
 void SimulatedServer::create(ClientJob& job) {
   if (uploaded_.count(job.kind) == 0) return upload(job.kind);
+  if (job.may_be_gone) return;  // it would create another one
   JobSpec spec = small_job(job.kind, *job.sample_counts.begin());
   spec.request_id = job.request_id;
-  job.is_pending = true;
-  coordinator_->admission().create_job(
-      std::move(spec), [this, &job](const absl::StatusOr<JobAdmission::Created>& created) {
-        const std::string id = created.ok() ? created->view.spec->id : "";
-        answer([this, &job, id, status = created.status()] {
-          job.is_pending = false;
-          if (status.ok() && !job.id.empty() && id != job.id) violate("a job was created twice");
-          if (status.ok()) job.id = id;
-          trace(absl::StrCat("create ", job.request_id, ": ", id, " ", status.ToString()));
+  call(job, [this, &job, spec](int number) {
+    coordinator_->admission().create_job(
+        spec, [this, &job, number](const absl::StatusOr<JobAdmission::Created>& created) {
+          const std::string id = created.ok() ? created->view.spec->id : "";
+          answer([this, &job, number, id, status = created.status()] {
+            note_answer(job, number);
+            if (status.ok() && !job.id.empty() && id != job.id) violate("a job was created twice");
+            if (status.ok()) job.id = id;
+            trace(absl::StrCat("create ", job.request_id, ": ", id, " ", status.ToString()));
+          });
         });
-      });
+  });
 }
 
 void SimulatedServer::change(ClientJob& job, JobAdmin::Change what) {
   job.must_be.reset();
-  job.is_pending = job.is_uncertain = true;
-  trace(absl::StrCat("change ", static_cast<int>(what), " of ", job.id));
-  coordinator_->jobs().change_job(job.id, what, [this, &job, what](const auto& view) {
-    answer([this, &job, what, is_ok = view.ok()] {
-      job.is_pending = false;
-      trace(absl::StrCat("change ", static_cast<int>(what), " of ", job.id, ": ",
-                         is_ok ? "done" : "refused"));
-      if (!is_ok) return;
-      job.is_uncertain = false;
-      // Units that were leased before the pause may have completed the job before this answer.
-      if (what == JobAdmin::Change::pause && !job.is_done) job.must_be = JobState::paused;
-      if (what == JobAdmin::Change::cancel) job.must_be = JobState::cancelled;
+  job.is_uncertain = true;
+  call(job, [this, &job, what](int number) {
+    trace(absl::StrCat("change ", static_cast<int>(what), " of ", job.id));
+    coordinator_->jobs().change_job(job.id, what, [this, &job, number, what](const auto& view) {
+      answer([this, &job, number, what, is_ok = view.ok()] {
+        trace(absl::StrCat("change ", static_cast<int>(what), " of ", job.id, ": ",
+                           is_ok ? "done" : "refused"));
+        if (!note_answer(job, number) || !is_ok || !job.is_alone) return;
+        job.is_uncertain = false;
+        // Units that were leased before the pause may have completed the job before this answer.
+        if (what == JobAdmin::Change::pause && !job.is_done) job.must_be = JobState::paused;
+        if (what == JobAdmin::Change::cancel) job.must_be = JobState::cancelled;
+      });
     });
   });
 }
@@ -115,35 +146,43 @@ void SimulatedServer::change(ClientJob& job, JobAdmin::Change what) {
 void SimulatedServer::extend(ClientJob& job) {
   const int before = *job.sample_counts.rbegin();
   const int after = std::min(before * 4, 128);
-  job.is_pending = job.is_extended = true;
-  trace(absl::StrCat("extend ", job.id));
+  job.is_extended = true;
   job.sample_counts.insert(after);
   JobAdmin::Extension extension;
   extension.spp = after;
-  coordinator_->jobs().extend_job(job.id, extension, [this, &job, after](const auto& view) {
-    answer([this, &job, after, is_ok = view.ok()] {
-      job.is_pending = false;
-      if (!is_ok) return;  // whether an earlier attempt was carried out is not known
-      ++events_.extensions;
-      job.sample_counts = {after};
-    });
+  call(job, [this, &job, extension, after](int number) {
+    trace(absl::StrCat("extend ", job.id));
+    coordinator_->jobs().extend_job(job.id, extension,
+                                    [this, &job, number, after](const auto& view) {
+                                      answer([this, &job, number, after, is_ok = view.ok()] {
+                                        // If it is refused, whether an earlier attempt was carried
+                                        // out is not known.
+                                        if (!note_answer(job, number) || !is_ok || !job.is_alone)
+                                          return;
+                                        ++events_.extensions;
+                                        job.sample_counts = {after};
+                                      });
+                                    });
   });
 }
 
 void SimulatedServer::remove(ClientJob& job) {
-  job.is_pending = true;
-  trace(absl::StrCat("remove ", job.id));
+  if (job.stray_count > 0) return;  // one of them may create the job again
   const bool may_have_been_gone = job.may_be_gone;
   job.may_be_gone = true;
-  coordinator_->jobs().remove_job(job.id, [this, &job, may_have_been_gone](const auto& status) {
-    answer([this, &job, may_have_been_gone, code = status.code()] {
-      job.is_pending = false;
-      const bool is_gone = code == absl::StatusCode::kOk || code == absl::StatusCode::kNotFound;
-      if (code == absl::StatusCode::kNotFound && !may_have_been_gone) violate("a job is lost");
-      if (is_gone) ++events_.removals;
-      if (is_gone) job.is_gone = true;
-      job.may_be_gone = job.is_gone || may_have_been_gone;
-    });
+  call(job, [this, &job, may_have_been_gone](int number) {
+    trace(absl::StrCat("remove ", job.id));
+    const auto done = [this, &job, number, may_have_been_gone](const auto& status) {
+      answer([this, &job, number, may_have_been_gone, code = status.code()] {
+        const bool is_awaited = note_answer(job, number);
+        const bool is_gone = code == absl::StatusCode::kOk || code == absl::StatusCode::kNotFound;
+        if (code == absl::StatusCode::kNotFound && !may_have_been_gone) violate("a job is lost");
+        if (is_gone) ++events_.removals;
+        if (is_gone) job.is_gone = true;
+        if (is_awaited) job.may_be_gone = job.is_gone || may_have_been_gone;
+      });
+    };
+    coordinator_->jobs().remove_job(job.id, done);
   });
 }
 

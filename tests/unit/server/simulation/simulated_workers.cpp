@@ -4,18 +4,19 @@
 
 #include "absl/strings/str_cat.h"
 #include "tests/unit/server/simulation/simulated_server.h"
+#include "tests/unit/server/simulation/simulated_streams.h"
 #include "tests/unit/server/simulation/small_jobs.h"
 
 namespace tessera::server {
 
 using namespace std::chrono_literals;
 
-class SimulatedServer::Link final : public WorkerConnection {
- public:
-  void wake() override {}
-  void close(const absl::Status& /*reason*/) override { is_closed = true; }
-  bool is_closed = false;
-};
+namespace {
+
+constexpr double kLoadSeconds = 0.05;  // of a scene; it has paid off after one unit
+constexpr Duration kWelcomeTimeout = 3s, kSendAgainAfter = 5s;
+
+}  // namespace
 
 void SimulatedServer::connect(Computer& computer) {
   Hello hello;
@@ -29,9 +30,55 @@ void SimulatedServer::connect(Computer& computer) {
     if (attempts.insert(held.lease.attempt).second) hello.leases.push_back(held.lease);
     held.sent.reset();  // it is sent again
   }
-  computer.link = std::make_shared<Link>();
-  computer.session = coordinator_->workers().join(hello, computer.link).session;
-  computer.is_connected = true;
+  const auto link = std::make_shared<Link>(*this);
+  computer.link = link;
+  computer.opened = now_;
+  network_.send(link->up, now_, [this, &computer, link, hello] {
+    if (link->is_ended) return;  // the server has seen that the worker has left
+    if (computer.link != link) ++events_.late_hellos;
+    link->session = coordinator_->workers().join(hello, link).session;
+    links_.emplace_back(&computer, link);
+    network_.send(link->down, now_, [&computer, link] {
+      if (computer.link == link) computer.is_connected = true;
+    });
+  });
+}
+
+/// The worker uses its Work stream no more.
+void SimulatedServer::leave(Computer& computer) {
+  if (computer.link != nullptr) break_link(*computer.link);
+  computer.link.reset();
+  computer.is_connected = false;
+}
+
+/// The connection is gone. Some messages of it still arrive; the server may see its end, at any
+/// time, or not.
+void SimulatedServer::break_link(Link& link) {
+  if (link.is_broken) return;
+  link.is_broken = true;
+  network_.cut(link.up);
+  network_.cut(link.down);
+  if (dice_.one_in(2)) return;
+  network_.send(now_, [this, open = link.shared_from_this()] { end(*open); });
+}
+
+void SimulatedServer::lose_connections(Computer& computer, bool is_calm) {
+  if (computer.link != nullptr && !is_calm && dice_.one_in(40)) {
+    ++events_.broken_streams;
+    break_link(*computer.link);
+  }
+  if (computer.link != nullptr && computer.link->is_broken && (is_calm || dice_.one_in(2))) {
+    leave(computer);
+  }
+  if (computer.link != nullptr && !computer.is_connected &&
+      now_ - computer.opened > kWelcomeTimeout) {
+    leave(computer);
+  }
+  if (computer.upload == nullptr) return;
+  if (computer.upload->is_ended || (!is_calm && dice_.one_in(40))) {
+    network_.cut(computer.upload->stream);
+    computer.upload.reset();
+  }
 }
 
 void SimulatedServer::act_as_worker(Computer& computer, bool is_calm) {
@@ -39,78 +86,83 @@ void SimulatedServer::act_as_worker(Computer& computer, bool is_calm) {
     computer.is_up = is_calm || dice_.one_in(5);
     return;
   }
-  if (!is_calm && dice_.one_in(80)) {  // its process dies
+  if (!is_calm && dice_.one_in(is_shared_ ? 300 : 80)) {  // its process dies
     ++events_.worker_crashes;
-    if (computer.is_connected && dice_.one_in(2)) {
-      coordinator_->workers().disconnect(computer.session);
-    }
-    computer.is_up = computer.is_connected = false;
+    leave(computer);
+    if (computer.upload != nullptr) network_.cut(computer.upload->stream);
+    computer.upload.reset();
+    computer.is_up = false;
     computer.held.clear();
+    computer.scene = {};
     return;
   }
-  if (computer.is_connected && (computer.link->is_closed || (!is_calm && dice_.one_in(40)))) {
-    ++events_.broken_streams;
-    if (dice_.one_in(2)) coordinator_->workers().disconnect(computer.session);
-    computer.is_connected = false;
-  }
-  if (!computer.is_connected) {
+  lose_connections(computer, is_calm);
+  if (computer.link == nullptr) {
     if (is_calm || dice_.one_in(3)) connect(computer);
     return;
   }
-  if (is_calm || !dice_.one_in(4)) read_outbox(computer);
+  if (computer.is_connected) work(computer, is_calm);
+}
+
+/// Sends a message on the Work stream.
+void SimulatedServer::tell(const Computer& computer, std::function<void(Session)> arrive) {
+  const std::shared_ptr<Link> link = computer.link;
+  network_.send(link->up, now_, [link, arrive = std::move(arrive)] {
+    if (link->session) arrive(*link->session);
+  });
+}
+
+/// Reports that a scene is loaded when the first unit of a frame begins.
+void SimulatedServer::note_scene(Computer& computer, const UnitName& name) {
+  const std::pair scene{name.job_id, name.unit.frame};
+  if (computer.scene == scene) return;
+  computer.scene = scene;
+  tell(computer, [this, job_id = name.job_id](Session session) {
+    coordinator_->workers().scene_loaded(session, job_id, {kLoadSeconds, 0});
+  });
+}
+
+void SimulatedServer::work(Computer& computer, bool is_calm) {
   int running = 0;
   std::vector<UnitName> started;
   for (auto& [name, held] : computer.held) {
     if (held.sent) continue;
     if (!held.ready && running < computer.threads) {
-      held.ready = now_ + std::chrono::milliseconds(100 + dice_.below(2000));
+      held.ready = now_ + std::chrono::milliseconds(100 + dice_.below(is_shared_ ? 500 : 2000));
       started.push_back(name);
+      note_scene(computer, name);
     }
     running += held.ready ? 1 : 0;
   }
-  coordinator_->workers().heartbeat(computer.session, started, 0);
+  tell(computer, [this, started](Session session) {
+    coordinator_->workers().heartbeat(session, started, 0);
+  });
   for (auto& [name, held] : computer.held) {
-    if (held.sent && now_ - *held.sent > 2s) held.sent.reset();  // no answer: it is sent again
+    if (held.sent && now_ - *held.sent > kSendAgainAfter) held.sent.reset();
     if (held.sent || !held.ready || *held.ready > now_) continue;
     if (is_calm || !dice_.one_in(6)) deliver(computer, name, held, is_calm);
   }
 }
 
-void SimulatedServer::read_outbox(Computer& computer) {
-  const Outbox outbox = coordinator_->workers().take_outbox(computer.session);
+void SimulatedServer::read_outbox(Computer& computer, const Outbox& outbox) {
   int credits = 0;
   for (const Acknowledgement& told : outbox.acknowledgements) {
     credits += static_cast<int>(computer.held.erase(told.unit));
     if (told.status == AckStatus::rejected && !is_audited_) {
       violate("a right block is rejected: " + told.reason);
     }
-    if (told.status != AckStatus::committed) continue;
-    ++events_.commits;
-    trace(absl::StrCat(computer.id, " is told: ", told.unit.job_id, " (", told.unit.unit.frame,
-                       ", ", told.unit.unit.tile, ", ", told.unit.unit.pass, ") is committed"));
-    for (auto& [request_id, job] : jobs_) {
-      if (job.id == told.unit.job_id) job.committed.insert(told.unit);
-    }
   }
   credits += give_back(computer, outbox.revoked);
   for (const Lease& lease : outbox.leases) take_lease(computer, lease);
   credits += give_back(computer, outbox.withdrawn);
-  if (credits > 0) coordinator_->workers().grant_credits(computer.session, credits);
-  for (const Lease& lease : outbox.leases) check_lease(computer, lease);
-}
-
-/// A unit that was known as committed is not leased again, except for an audit.
-void SimulatedServer::check_lease(const Computer& computer, const Lease& lease) {
-  if (is_audited_) return;
-  for (const auto& [request_id, job] : jobs_) {
-    if (job.is_extended) continue;
-    for (const UnitName& name : job.committed) {
-      if (name.job_id != lease.job_id || !lease.covers(name.unit)) continue;
-      if (computer.held.count(name) == 0) continue;  // it was withdrawn
-      violate(absl::StrCat("unit (", name.unit.frame, ", ", name.unit.tile, ", ", name.unit.pass,
-                           ") of job ", job.id, " was acknowledged and is leased again"));
-    }
+  if (static_cast<int>(computer.held.size()) > computer.credits) {
+    violate(absl::StrCat(computer.id, " is leased ", computer.held.size(), " units and granted ",
+                         computer.credits, " credits"));
   }
+  if (credits == 0) return;
+  tell(computer, [this, credits](Session session) {
+    coordinator_->workers().grant_credits(session, credits);
+  });
 }
 
 /// Gives back revoked units that were not sent. Returns how many.
@@ -122,7 +174,11 @@ int SimulatedServer::give_back(Computer& computer, const std::vector<UnitName>& 
     computer.held.erase(held);
     returned.push_back(name);
   }
-  if (!returned.empty()) coordinator_->workers().return_units(computer.session, returned);
+  if (!returned.empty()) {
+    tell(computer, [this, returned](Session session) {
+      coordinator_->workers().return_units(session, returned);
+    });
+  }
   return static_cast<int>(returned.size());
 }
 
@@ -137,11 +193,6 @@ void SimulatedServer::take_lease(Computer& computer, const Lease& lease) {
 }
 
 void SimulatedServer::deliver(Computer& computer, const UnitName& name, Held& held, bool is_calm) {
-  held.sent = now_;
-  if (!is_calm && dice_.one_in(15)) {
-    ++events_.lost_blocks;
-    return;
-  }
   int kind = -1;
   for (const auto& [request_id, job] : jobs_) kind = job.id == name.job_id ? job.kind : kind;
   if (kind < 0) {  // its client has not been told of the job yet
@@ -149,6 +200,7 @@ void SimulatedServer::deliver(Computer& computer, const UnitName& name, Held& he
     if (spec == nullptr) return;
     kind = kind_of(*spec);
   }
+  held.sent = now_;
   std::string bytes = block_of(small_job(kind, 8), name.unit, held.lease.sample_count);
   if (computer.is_faulty && dice_.one_in(3)) {
     bytes[2] = static_cast<char>(bytes[2] ^ 0x20);  // the first pixel's red
@@ -156,12 +208,32 @@ void SimulatedServer::deliver(Computer& computer, const UnitName& name, Held& he
   }
   const BlockHeader header{held.lease, name.unit.tile, static_cast<std::int64_t>(bytes.size()),
                            contract::sha256(bytes), kUnitSeconds};
+  largest_block_ = std::max(largest_block_, header.size_bytes);
   const int times = !is_calm && dice_.one_in(15) ? 2 : 1;
   events_.repeated_blocks += times - 1;
-  for (int i = 0; i < times; ++i) {
-    const auto admission = coordinator_->intake().admit(computer.id, header);
-    if (admission) coordinator_->intake().deliver(computer.id, header, *admission, bytes);
-  }
+  for (int i = 0; i < times; ++i) upload_block(computer, header, bytes);
+}
+
+/// Sends a block as two messages.
+void SimulatedServer::upload_block(Computer& computer, const BlockHeader& header,
+                                   const std::string& bytes) {
+  if (computer.upload == nullptr) computer.upload = std::make_shared<Upload>(network_.open());
+  const std::shared_ptr<Upload> upload = computer.upload;
+  const auto admission = std::make_shared<std::optional<Admission>>();
+  const auto send = [&](std::function<void()> take) {
+    network_.send(upload->stream, now_, [this, upload, id = computer.id, take = std::move(take)] {
+      receive(upload, [this, upload, id, take] {
+        upload->is_ended = !coordinator_->intake().check_delivery(id).ok();
+        if (!upload->is_ended) take();
+      });
+    });
+  };
+  send([this, admission, header, id = computer.id] {
+    *admission = coordinator_->intake().admit(id, header);
+  });
+  send([this, admission, header, bytes, id = computer.id] {
+    if (*admission) coordinator_->intake().deliver(id, header, **admission, bytes);
+  });
 }
 
 }  // namespace tessera::server

@@ -3,6 +3,8 @@
 #include <array>
 #include <bit>
 #include <cstring>
+#include <iterator>
+#include <span>
 #include <utility>
 
 #include "absl/strings/numbers.h"
@@ -19,11 +21,14 @@ JobSpec small_job(int kind, int sample_count) {
   struct Shape {
     int width, height, last_frame;
   };
-  constexpr Shape kShapes[kJobKinds] = {{16, 8, 1}, {20, 12, 2}, {8, 8, 3}, {24, 8, 1}};
+  constexpr Shape kShapes[] = {{16, 8, 1},   {20, 12, 2}, {8, 8, 3}, {24, 8, 1},
+                               {128, 64, 3}, {96, 64, 1}, {24, 8, 4}};
+  static_assert(std::size(kShapes) == kFirstSharedKind + kSharedKinds);
   const Shape& shape = kShapes[kind];
   JobSpec spec;
   spec.name = absl::StrCat("kind", kind);
-  spec.owner = absl::StrCat("owner", kind % 2);
+  spec.owner = absl::StrCat("owner", kind < kFirstSharedKind ? kind % 2 : kind - kFirstSharedKind);
+  spec.priority = kind == kFirstSharedKind + 2 ? -1 : 0;
   spec.settings.width = shape.width;
   spec.settings.height = shape.height;
   spec.settings.tile = 8;

@@ -15,8 +15,13 @@ namespace tessera::server {
 /// CPU time of each unit; exact in binary, so that sums are.
 inline constexpr double kUnitSeconds = 0.5;
 
-/// Kinds of jobs of the simulation, which differ in size, frames and passes.
+/// Kinds of small jobs, which differ in size, frames and passes.
 inline constexpr int kJobKinds = 4;
+/// Kinds of jobs of a farm that three owners share: two large ones, whose sizes are as their
+/// owners' weights, and one of low priority.
+inline constexpr int kFirstSharedKind = 4, kSharedKinds = 3;
+/// The weight of the owner of the first of them; others have 1.
+inline constexpr double kFirstWeight = 4;
 
 /// Returns a new job of a kind, without IDs.
 JobSpec small_job(int kind, int sample_count);
