@@ -6,7 +6,6 @@
 #include <fstream>
 #include <iterator>
 #include <mutex>
-#include <random>
 #include <set>
 #include <thread>
 #include <utility>
@@ -14,6 +13,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "client/api/client_certificate.h"
+#include "rpc/backoff.h"
 #include "rpc/channel.h"
 #include "rpc/protocol_version.h"
 #include "rpc/rpc_status.h"
@@ -57,7 +57,7 @@ class Client : public FarmClient {
         token_(std::move(token)),
         certs_(connection.certs),
         connect_timeout_(connection.connect_timeout),
-        random_(std::random_device{}()) {
+        backoff_(kFirstPause, kMaxPause) {
     use(channel);
     if (certs_.empty() || absl::StartsWith(address_, "unix:")) return;
     certificate_ = std::make_unique<ClientCertificate>(certs_, [this] { return this->channel(); });
@@ -164,7 +164,10 @@ class Client : public FarmClient {
       const auto stream = jobs_->GetJobReport(&context, request);
       report.clear();
       v1::GetJobReportResponse response;
-      while (stream->Read(&response)) report += response.report_json();
+      while (stream->Read(&response)) {
+        note_contact();
+        report += response.report_json();
+      }
       return contract::from_rpc(stream->Finish());
     });
     if (!status.ok()) return status;
@@ -194,6 +197,7 @@ class Client : public FarmClient {
       bool has_header = false, has_started = false;
       absl::Status kept;
       while (kept.ok() && stream->Read(&response)) {
+        note_contact();  // a download may break after it has lasted longer than the time limit
         if (response.has_header()) {
           header = std::move(*response.mutable_header());
           has_header = true;
@@ -476,7 +480,7 @@ class Client : public FarmClient {
   absl::Status retry(milliseconds timeout, const Attempt& attempt) {
     if (certificate_ != nullptr) certificate_->start(connect_timeout_);
     Clock::time_point start = Clock::now();
-    milliseconds pause = kFirstPause;
+    backoff_.reset();
     while (true) {
       use_new_certificate();
       const std::int64_t contacts_before = contacts_;
@@ -496,14 +500,13 @@ class Client : public FarmClient {
       }
       if (contacts_ != contacts_before) {  // the stream worked before it broke
         start = Clock::now();
-        pause = kFirstPause;
+        backoff_.reset();
       }
       if (Clock::now() - start > (contacts_ > 0 ? kRetryTimeout : connect_timeout_)) {
         return absl::UnavailableError(
             absl::StrCat("no server answers at ", address_, ": ", std::string(status.message())));
       }
-      wait(pause);
-      pause = std::min(2 * pause, kMaxPause);
+      wait(backoff_.next());
     }
   }
 
@@ -523,11 +526,10 @@ class Client : public FarmClient {
     return status;
   }
 
-  /// Waits for about `pause`, or until a lost connection has been made again. gRPC works on a
+  /// Waits for `pause`, or until a lost connection has been made again. gRPC works on a
   /// connection only while somebody waits for it.
   void wait(milliseconds pause) {
-    std::uniform_int_distribution<std::int64_t> jitter(pause.count() / 2, pause.count());
-    const Clock::time_point end = Clock::now() + milliseconds(jitter(random_));
+    const Clock::time_point end = Clock::now() + pause;
     const bool was_connected = channel()->GetState(true) == GRPC_CHANNEL_READY;
     while (!is_cancelled()) {
       const auto left = std::chrono::duration_cast<milliseconds>(end - Clock::now());
@@ -557,7 +559,7 @@ class Client : public FarmClient {
   std::unique_ptr<v1::FarmService::Stub> farm_;
   std::unique_ptr<v1::AssetService::Stub> uploads_;  // null before the first large upload
   std::thread connecting_;
-  std::mt19937 random_;  // jitter only
+  contract::Backoff backoff_;
   std::int64_t contacts_ = 0;
 
   std::mutex mutex_;                        // guards what follows

@@ -301,6 +301,17 @@ absl::StatusOr<Event> JobAdmin::removal_of(const std::string& job_id) const {
   return Event{0, 0, EventKind::job_removed, job_id, job->spec->owner, "", ""};
 }
 
+/// Returns the outcome of a removal whose transaction, or what follows it, has failed with
+/// `status`: OK if the rows are gone. The next start deletes what is left of the files.
+absl::Status JobAdmin::after_failure(const std::string& job_id, const absl::Status& status) {
+  const auto removed = store_.jobs().removed_state(job_id);
+  if (!removed.ok() || !removed->has_value()) return status;
+  farm_.log(
+      LogLevel::error,
+      absl::StrCat("job ", job_id, " is removed, but not all of its files: ", status.ToString()));
+  return absl::OkStatus();
+}
+
 /// Removes the rows in one transaction, then the jobs in memory: one whose rows cannot be written
 /// stays listed. Returns the outcome of each.
 std::vector<absl::Status> JobAdmin::remove_now(const std::vector<std::string>& job_ids) {
@@ -315,15 +326,14 @@ std::vector<absl::Status> JobAdmin::remove_now(const std::vector<std::string>& j
   });
   std::map<JobKey, std::shared_ptr<const JobSpec>> removed;
   for (std::size_t i = 0; i < job_ids.size(); ++i) {
-    if (outcomes[i].ok()) outcomes[i] = together;
+    if (outcomes[i].ok() && !together.ok()) outcomes[i] = after_failure(job_ids[i], together);
     if (!outcomes[i].ok()) continue;
     FarmChange change(farm_);
     const JobKey key = change.find_job(job_ids[i])->key;  // only this thread removes jobs
     removed[key] = forget(change, job_ids[i]);
   }
-  if (removed.empty()) return outcomes;
-  const absl::Status released = assets_.release(removed);
-  for (absl::Status& outcome : outcomes) outcome.Update(released);
+  // The jobs are gone, whether or not the time at which their assets were last used can be written.
+  if (!removed.empty()) assets_.release(removed).IgnoreError();
   return outcomes;
 }
 

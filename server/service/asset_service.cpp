@@ -23,14 +23,17 @@ namespace {
 constexpr int kMaxAssets = 100'000;
 constexpr std::size_t kChunkBytes = 1 << 20;
 constexpr std::int64_t kMaxAssetBytes = std::int64_t{1} << 40;
+/// Bytes of an upload after which they are synced. A sync of the journal may have to wait until the
+/// disk has written what an upload has not synced.
+constexpr std::int64_t kUnsyncedBytes = std::int64_t{1} << 20;
 
 absl::Status no_such_asset() {
   return absl::NotFoundError("the asset has not been uploaded; upload it and repeat");
 }
 
-/// Makes a finished upload durable here, so that the journal's thread finds nothing left to write:
-/// the sync of a large file takes seconds, in which no result would be acknowledged. After an error
-/// the file is deleted and never synced again.
+/// Makes the bytes of an upload durable here, so that the journal's thread finds nothing left to
+/// write: the sync of a large file takes seconds, in which no result would be acknowledged. After
+/// an error the file is deleted and never synced again.
 absl::Status sync_upload(const std::string& path) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) return absl::UnavailableError("cannot open the upload; repeat it");
@@ -92,7 +95,9 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     if (output_ && !output_->write(chunk.data(), static_cast<std::streamsize>(chunk.size()))) {
       return write_error();
     }
-    return absl::OkStatus();
+    if (!output_ || received_bytes_ - synced_bytes_ < kUnsyncedBytes) return absl::OkStatus();
+    synced_bytes_ = received_bytes_;
+    return output_->flush() ? sync_upload(path_) : write_error();
   }
 
   absl::Status begin(const v1::AssetId& asset) {
@@ -166,7 +171,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   Caller caller_;  // also its place in the table of open streams
   v1::UploadAssetRequest request_;
   std::optional<contract::Digest> digest_;
-  std::int64_t size_bytes_ = 0, received_bytes_ = 0;
+  std::int64_t size_bytes_ = 0, received_bytes_ = 0, synced_bytes_ = 0;
   contract::Hasher hasher_;
   // None of them: the asset already exists.
   std::optional<std::string> memory_;

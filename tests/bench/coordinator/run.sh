@@ -1,10 +1,13 @@
 #!/usr/bin/env bash
 # Measures a coordinator: durable small results per second, bytes per second of large results, memory per
-# connected worker, a 16k x 16k frame within 2 GiB, small jobs per second, memory and store after 200,000 jobs, and
-# `tessera submit` of small scenes, which a real worker renders. Simulated workers in other processes use gRPC; the image of a large job is compared
-# with the pixels that follow from the fabricated blocks.
+# connected worker, a 16k x 16k frame within 2 GiB, small jobs per second, memory and store after 200,000 jobs, `tessera
+# submit` of small scenes, which a real worker renders, the return of all workers after a restart, and commits during a
+# backup and uploads. Simulated workers in other processes use gRPC; the image of a large job is compared with the
+# pixels that follow from the fabricated blocks.
 #
-#   tests/bench/coordinator/run.sh [small|bulk|connected|large|jobs|lease|growth|submit]…    default: the first three
+#   tests/bench/coordinator/run.sh [small|bulk|connected|large|jobs|lease|growth|submit|reconnect|backup|uploads]…
+#
+# Default: the first three.
 #
 # BIN: directory of tessera-server and the bench programs (build/dev/bin). STORE: empty directory for the
 # stores, on a real file system (tmpfs is refused, because syncs cost nothing there).
@@ -73,12 +76,22 @@ lease_times() {
   echo "from credits to leases $(grep -ho '"lease_p.*[0-9]' "$folder"/sim*.json | tr '\n' ';')"
 }
 
+# commit_times: prints the times from sending blocks to their acknowledgements of each process of simulators.
+commit_times() {
+  echo "from sending a block to its acknowledgement $(grep -ho '"commit_p.*[0-9]' "$folder"/sim*.json | tr '\n' ';')"
+}
+
 # first_leases: prints the times from CreateJob's answers to the first leases of the jobs; 0 if the lease was sooner.
 first_leases() {
   sort "$folder"/leases* | awk '!seen[$1]++' | join - <(sort "$folder/answers") |
     awk '{wait = ($2 - $3) / 1000; print (wait > 0 ? wait : 0)}' | sort -n |
     awk '{wait[NR] = $1} END {printf "from the answer to the first lease of %d jobs p50 %.2f ms, p99 %.2f ms",
            NR, wait[int(NR / 2) + 1], wait[int(NR * 0.99) + 1]}'
+}
+
+# small_jobs_at RATE SECONDS: jobs of four units each.
+small_jobs_at() {
+  "$BIN/bench_coordinator_small_jobs" --server "unix:$folder/s" --jobs $(($1 * $2)) --rate "$1"
 }
 
 rss_mb() { awk '/VmRSS/ {print $2 / 1024}' "/proc/$server_pid/status"; }
@@ -216,6 +229,49 @@ print(f"connected: {welcomed} workers welcomed, {closed} streams closed since; "
       f"{grown * 1024 / welcomed:.0f} KiB each ({grown:.0f} MiB in all)")
 PY
   rm -rf "$folder"/*
+}
+
+# WORKERS come back after a restart.
+bench_reconnect() {
+  tests/bench/coordinator/reconnect.py --bin "$BIN" --scratch "$folder" --plain ${WORKERS:-1000 5000}
+  tests/bench/coordinator/reconnect.py --bin "$BIN" --scratch "$folder" ${WORKERS:-1000}
+}
+
+# A backup while RATE jobs a second, with four results each, are committed and finished, and while a large job is.
+bench_backup() {
+  local jobs
+  for jobs in "small_jobs_at ${RATE:-50} ${SECONDS_EACH:-20}" "job --width 8192 --height 2048 --tile 8 --spp 8"; do
+    server
+    simulate 2 4 64
+    $jobs >"$folder/jobs.json" &
+    sleep 2
+    echo "backup during '$jobs':"
+    time "$BIN/tessera-server" backup "$folder/store" "$folder/copy"
+    wait $! || true
+    stop_all
+    echo "$(cat "$folder"/job*.json); $(commit_times); load average $(cut -d' ' -f1 /proc/loadavg)"
+    rm -rf "${folder:?}"/*
+  done
+}
+
+# Commits of small jobs without and with clients that upload large assets.
+bench_uploads() {
+  local clients
+  for clients in 0 ${UPLOADERS:-4} 0 ${UPLOADERS:-4}; do
+    server
+    simulate 2 4 64
+    if [ "$clients" -gt 0 ]; then
+      "$BIN/bench_coordinator_uploads" --server "unix:$folder/s" --clients "$clients" --megabytes "${MEGABYTES:-64}" \
+        <"$folder/hold" 3>&- >"$folder/uploads.json" &
+      simulators+=($!)
+    fi
+    small_jobs_at "${RATE:-50}" "${SECONDS_EACH:-20}" >"$folder/jobs.json"
+    stop_all
+    echo "$clients clients upload: $(cat "$folder/jobs.json"); $(commit_times)"
+    cat "$folder"/uploads.json 2>/dev/null || true
+    echo "load average $(cut -d' ' -f1 /proc/loadavg)"
+    rm -rf "${folder:?}"/*
+  done
 }
 
 echo "machine: $(nproc) cores, $(awk -F': ' '/model name/ {print $2; exit}' /proc/cpuinfo), store on $(stat -f -c %T "$STORE")"

@@ -1,5 +1,8 @@
 #include "tests/bench/coordinator/scene_upload.h"
 
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
 #include <cstdio>
 
 #include "contract/digest.h"
@@ -17,8 +20,11 @@ bool upload(const std::shared_ptr<grpc::Channel>& channel, const std::string& to
   part.mutable_asset()->set_sha256(contract::sha256(bytes).binary());
   part.mutable_asset()->set_size_bytes(static_cast<std::int64_t>(bytes.size()));
   writer->Write(part);
-  part.set_chunk(bytes);
-  writer->Write(part);
+  constexpr std::size_t kChunkBytes = 1 << 20;
+  for (std::size_t at = 0; at < bytes.size(); at += kChunkBytes) {
+    part.set_chunk(bytes.substr(at, kChunkBytes));
+    if (!writer->Write(part)) break;  // Finish() says why
+  }
   writer->WritesDone();
   const grpc::Status status = writer->Finish();
   if (!status.ok()) fprintf(stderr, "upload: %s\n", status.error_message().c_str());

@@ -1,16 +1,23 @@
 /// bench_simulated_workers: runs simulated workers until SIGTERM or the end of stdin, then prints
-/// their counters as one line of JSON.
+/// their counters as one line of JSON. With --reconnect they follow a server that restarts, and the
+/// time at which all are connected is printed each time, in microseconds of the monotonic clock.
 #include <grpcpp/grpcpp.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <atomic>
+#include <chrono>
+#include <cstdint>
 #include <cstdio>
+#include <memory>
+#include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "contract/digest.h"
 #include "contract/version.h"
+#include "rpc/channel.h"
 #include "rpc/credentials.h"
 #include "tests/bench/coordinator/simulated_worker.h"
 
@@ -21,6 +28,7 @@ struct Options {
   std::string first_leases;
   int workers = 1;
   int credits = 64;
+  bool reconnects = false;
 };
 
 /// Opens a channel with a separate connection, like that of a worker on another machine.
@@ -30,6 +38,33 @@ std::shared_ptr<grpc::Channel> own_channel(
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   return grpc::CreateCustomChannel(server, credentials, arguments);
+}
+
+/// Sends heartbeats and, with `reconnects`, connects workers again, until `stop`.
+void keep_workers(const std::vector<std::unique_ptr<tessera::bench::SimulatedWorker>>& workers,
+                  bool reconnects, const tessera::bench::Counters& counters,
+                  const std::atomic<bool>& stop) {
+  using Clock = std::chrono::steady_clock;
+  constexpr std::chrono::milliseconds kStep{10};
+  Clock::time_point next_heartbeat = Clock::now() + std::chrono::seconds(1);
+  bool were_all_connected = false;
+  while (!stop) {
+    std::this_thread::sleep_for(kStep);
+    if (Clock::now() >= next_heartbeat) {
+      next_heartbeat = Clock::now() + std::chrono::seconds(1);
+      for (const auto& worker : workers) worker->send_heartbeat();
+    }
+    if (!reconnects) continue;
+    for (const auto& worker : workers) worker->reconnect_if_due();
+    const bool are_all_connected = counters.connected == static_cast<std::int64_t>(workers.size());
+    if (are_all_connected && !were_all_connected) {
+      const auto now = Clock::now().time_since_epoch();
+      printf("%lld\n", static_cast<long long>(
+                           std::chrono::duration_cast<std::chrono::microseconds>(now).count()));
+      fflush(stdout);
+    }
+    were_all_connected = are_all_connected;
+  }
 }
 
 int run(const Options& options) {
@@ -52,27 +87,32 @@ int run(const Options& options) {
   tessera::bench::FilmShelf shelf(own_channel(options.server, credentials), options.token);
   std::vector<std::unique_ptr<SimulatedWorker>> workers;
   for (int i = 0; i < options.workers; ++i) {
+    auto channel = own_channel(options.server, credentials);
+    if (options.reconnects) {  // the pauses between attempts are those of a real worker
+      auto opened = tessera::contract::open_channel(options.server, options.certs);
+      if (!opened.ok()) {
+        fprintf(stderr, "%s\n", std::string(opened.status().message()).c_str());
+        return 2;
+      }
+      channel = *std::move(opened);
+    }
     workers.push_back(std::make_unique<SimulatedWorker>(
-        own_channel(options.server, credentials),
+        std::move(channel),
         tessera::bench::SimulatedWorkerOptions{.id = options.name + "-" + std::to_string(i),
                                                .token = options.token,
                                                .numerics = numerics->binary(),
-                                               .credits = options.credits},
+                                               .credits = options.credits,
+                                               .reconnects = options.reconnects},
         shelf, counters));
     workers.back()->start();
   }
   std::atomic<bool> stop = false;
-  std::thread heartbeats([&] {
-    while (!stop) {
-      std::this_thread::sleep_for(std::chrono::seconds(1));
-      for (auto& worker : workers) worker->send_heartbeat();
-    }
-  });
+  std::thread keeper([&] { keep_workers(workers, options.reconnects, counters, stop); });
   char byte = 0;
   while (read(STDIN_FILENO, &byte, 1) > 0) {
   }
   stop = true;
-  heartbeats.join();
+  keeper.join();
   printf(
       "{\"workers\": %d, \"welcomed\": %lld, \"closed\": %lld, \"committed\": %lld, "
       "\"duplicate\": %lld, \"obsolete\": %lld, \"rejected\": %lld, \"bytes\": %lld, "
@@ -106,6 +146,7 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench
   app.add_option("--workers", options.workers, "how many");
   app.add_option("--first-leases", options.first_leases,
                  "file for the ID and the time of the first lease of each job");
+  app.add_flag("--reconnect", options.reconnects, "connect again when the server has ended");
   app.add_option("--credits", options.credits, "units in flight, each");
   CLI11_PARSE(app, argc, argv);
   return run(options);

@@ -111,7 +111,10 @@ class SimulatedWorker::WorkStream
   }
   void OnDone(const grpc::Status& status) override {
     ++worker_.counters_.closed;
-    if (!status.ok()) fprintf(stderr, "Work: %s\n", status.error_message().c_str());
+    if (!status.ok() && !worker_.options_.reconnects) {
+      fprintf(stderr, "Work: %s\n", status.error_message().c_str());
+    }
+    worker_.on_stream_ended(/*is_work=*/true);  // may destroy this stream
   }
 
  private:
@@ -133,21 +136,32 @@ class SimulatedWorker::DeliverStream : public grpc::ClientWriteReactor<v1::Deliv
     stub.async()->Deliver(&context_, &response_, this);
     AddHold();  // it stays open while idle
     StartCall();
+    is_open_ = true;
     outgoing_.set_worker_id(id);
     writing_ = true;
     StartWrite(&outgoing_);
   }
   void wake() {
     const std::lock_guard lock(mutex_);
-    if (!writing_) write_next();
+    if (is_open_ && !writing_) write_next();
+  }
+  /// Ends the stream if it is open.
+  void end() {
+    const std::lock_guard lock(mutex_);
+    if (!std::exchange(is_open_, false)) return;
+    context_.TryCancel();
+    RemoveHold();
   }
   void OnWriteDone(bool ok) override {
     const std::lock_guard lock(mutex_);
     writing_ = false;
-    if (ok) write_next();
+    if (ok && is_open_) write_next();
   }
   void OnDone(const grpc::Status& status) override {
-    if (!status.ok()) fprintf(stderr, "Deliver: %s\n", status.error_message().c_str());
+    if (!status.ok() && !worker_.options_.reconnects) {
+      fprintf(stderr, "Deliver: %s\n", status.error_message().c_str());
+    }
+    worker_.on_stream_ended(/*is_work=*/false);  // may destroy this stream
   }
 
  private:
@@ -162,7 +176,7 @@ class SimulatedWorker::DeliverStream : public grpc::ClientWriteReactor<v1::Deliv
   v1::DeliverResponse response_;
   v1::DeliverRequest outgoing_;
   std::mutex mutex_;
-  bool writing_ = false;
+  bool is_open_ = false, writing_ = false;
 };
 
 SimulatedWorker::SimulatedWorker(std::shared_ptr<grpc::Channel> channel,
@@ -177,9 +191,18 @@ SimulatedWorker::SimulatedWorker(std::shared_ptr<grpc::Channel> channel,
 SimulatedWorker::~SimulatedWorker() = default;
 
 void SimulatedWorker::start() {
+  {
+    const std::lock_guard lock(mutex_);
+    open_streams_ = 1;
+    pending_.clear();
+    sent_us_.clear();
+    open_block_.clear();
+    outstanding_ = granted_us_ = 0;
+    open_offset_ = 0;
+  }
   work_ = std::make_unique<WorkStream>(*this);
   deliver_ = std::make_unique<DeliverStream>(*this);
-  work_->open(*stub_, options_.token);
+  work_->open(*stub_, session_key_.empty() ? options_.token : session_key_);
   v1::WorkRequest message;
   v1::WorkerHello& hello = *message.mutable_hello();
   hello.set_worker_id(options_.id);
@@ -194,6 +217,23 @@ void SimulatedWorker::start() {
   work_->send(std::move(message));
 }
 
+void SimulatedWorker::on_stream_ended(bool is_work) {
+  if (!options_.reconnects) return;
+  if (is_work) deliver_->end();
+  const std::lock_guard lock(mutex_);
+  if (is_work && std::exchange(is_welcome_, false)) --counters_.connected;
+  if (--open_streams_ == 0) reconnect_us_ = now_us() + 1000 * backoff_.next().count();
+}
+
+void SimulatedWorker::reconnect_if_due() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (reconnect_us_ == 0 || now_us() < reconnect_us_) return;
+    reconnect_us_ = 0;
+  }
+  start();
+}
+
 void SimulatedWorker::send_heartbeat() {
   v1::WorkRequest message;
   message.mutable_heartbeat()->set_rss_bytes(1 << 20);
@@ -204,8 +244,16 @@ void SimulatedWorker::on_event(const v1::WorkResponse& event) {
   if (event.has_welcome()) {
     const std::string& key = event.welcome().session_key();
     if (!key.empty()) shelf_.set_token(key);
+    {
+      const std::lock_guard lock(mutex_);
+      session_key_ = key;
+      is_welcome_ = true;
+      ++open_streams_;
+      backoff_.reset();
+    }
     deliver_->open(*stub_, key.empty() ? options_.token : key, options_.id);
     ++counters_.welcomed;
+    ++counters_.connected;
   } else if (event.has_leases()) {
     std::int64_t unset = 0;
     counters_.first_lease_us.compare_exchange_strong(unset, now_us());

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "rpc/backoff.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
 #include "tests/bench/coordinator/simulated_block.h"
 
@@ -51,6 +52,7 @@ struct Counters {
   std::atomic<std::int64_t> committed_bytes = 0;
   std::atomic<std::int64_t> first_lease_us = 0, last_commit_us = 0;  // monotonic clock
   std::atomic<std::int64_t> closed = 0;                              // streams the server ended
+  std::atomic<std::int64_t> connected = 0;                           // workers, now
   /// From granting credits to the next leases, for workers that still have units. While the queue
   /// is empty this contains the wait for a job.
   Latencies lease;
@@ -81,6 +83,7 @@ struct SimulatedWorkerOptions {
   std::string token;
   std::string numerics;  // 32 bytes
   std::int32_t credits = 64;
+  bool reconnects = false;  // with the pauses of a real worker
 };
 
 /// A worker that renders nothing: it answers each lease immediately with fabricated blocks, over
@@ -92,6 +95,8 @@ class SimulatedWorker {
   ~SimulatedWorker();
   void start();
   void send_heartbeat();
+  /// Connects again if the streams have ended and the pause is over. Call often, on one thread.
+  void reconnect_if_due();
 
  private:
   class WorkStream;
@@ -102,6 +107,7 @@ class SimulatedWorker {
   };
 
   void on_event(const v1::WorkResponse& event);
+  void on_stream_ended(bool is_work);
   void on_acknowledgements(const v1::AcknowledgementBatch& batch);
   bool next_delivery(v1::DeliverRequest& message);  // false: nothing to send now
 
@@ -118,6 +124,11 @@ class SimulatedWorker {
   std::int64_t granted_us_ = 0;  // when credits were granted; 0: leases have come since
   std::string open_block_;       // too long for one message; sent up to open_offset_
   std::size_t open_offset_ = 0;
+  contract::Backoff backoff_{std::chrono::milliseconds(50), std::chrono::milliseconds(2000)};
+  bool is_welcome_ = false;
+  int open_streams_ = 0;
+  std::int64_t reconnect_us_ = 0;  // 0: not due
+  std::string session_key_;        // empty: none issued
   std::unique_ptr<WorkStream> work_;
   std::unique_ptr<DeliverStream> deliver_;
 };

@@ -1,27 +1,32 @@
 #!/usr/bin/env python3
-"""A TCP proxy that can abandon its connections.
+"""A TCP proxy that can abandon its connections and be slow.
 
-Usage: proxy.py PORT
+Usage: proxy.py PORT [BYTES_PER_SECOND]
 
-Listens on a free port of 127.0.0.1, prints it, and forwards to PORT. On SIGUSR1 it stops to forward
+Listens on a free port of 127.0.0.1, prints it, and forwards to PORT. On SIGUSR1 it stops forwarding
 the connections that exist, without closing them, as a router does that has lost its table; later
-connections are forwarded.
+connections are forwarded. With a rate, each connection receives at most so many bytes per second
+from the server, until SIGUSR2. Prints a line to stderr for each connection.
 """
 
 import signal
 import socket
 import sys
 import threading
+import time
 
 generation = 0
 abandoned = []  # sockets that stay open
+rate = 0  # bytes per second; 0: unlimited
 
 
-def forward(source, target, born):
+def forward(source, target, born, is_slow):
     """Copies until the end, or until the connection is abandoned."""
     while True:
         try:
-            data = source.recv(65536)
+            data = source.recv(16384)
+            if is_slow and rate > 0:
+                time.sleep(len(data) / rate)
             if generation != born:
                 abandoned.extend([source, target])
                 return
@@ -43,20 +48,30 @@ def abandon(_signal, _frame):
     generation += 1
 
 
+def lift_rate(_signal, _frame):
+    global rate
+    rate = 0
+
+
 def main():
+    global rate
     port = int(sys.argv[1])
+    rate = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     signal.signal(signal.SIGUSR1, abandon)
+    signal.signal(signal.SIGUSR2, lift_rate)
     listener = socket.create_server(("127.0.0.1", 0))
     print(listener.getsockname()[1], flush=True)
     while True:
         client, _ = listener.accept()
+        print("connection", file=sys.stderr, flush=True)
         try:
             server = socket.create_connection(("127.0.0.1", port))
         except OSError:
             client.close()
             continue
         for source, target in ((client, server), (server, client)):
-            threading.Thread(target=forward, args=(source, target, generation), daemon=True).start()
+            arguments = (source, target, generation, source is server)
+            threading.Thread(target=forward, args=arguments, daemon=True).start()
 
 
 main()

@@ -5,11 +5,15 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
 #include <cstddef>
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
 
+#include "client/api/farm_client.h"
 #include "client/commands/completion.h"
 #include "client/manual/pages.h"
 #include "rpc/settings_message.h"
@@ -397,6 +401,34 @@ TEST_F(FetchTest, DigestMismatchLeavesNoFile) {
   EXPECT_THAT(outcome.err, HasSubstr("digest"));
   EXPECT_FALSE(std::filesystem::exists(output_ / "my_scene_1.0001.exr"));
   EXPECT_FALSE(std::filesystem::exists(output_ / "my_scene_1.0001.exr.part"));
+}
+
+/// Bytes that have arrived are an answer: the limit for the first one no longer applies.
+TEST_F(FetchTest, BrokenDownloadStartsAgain) {
+  farm_.frames["abc"][1].break_count = 2;
+  Connection connection;
+  connection.server = farm_.address();
+  connection.connect_timeout = std::chrono::seconds(0);
+  const auto client = FarmClient::connect(connection).value();
+  v1::FetchFrameRequest request;
+  request.set_job_id("abc");
+  request.set_frame(1);
+  int starts = 0;
+  std::string bytes;
+  FarmClient::FrameSink sink;
+  sink.start = [&](const v1::FrameHeader&) {
+    ++starts;
+    bytes.clear();
+    return absl::OkStatus();
+  };
+  sink.write = [&](std::string_view chunk) {
+    bytes += chunk;
+    return absl::OkStatus();
+  };
+  const absl::Status status = client->fetch_frame(request, sink);
+  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_EQ(starts, 3);
+  EXPECT_EQ(bytes, std::string(2500, '1'));
 }
 
 TEST_F(FetchTest, ErrorNamesFolderThatCannotBeCreated) {

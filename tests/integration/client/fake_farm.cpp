@@ -177,10 +177,10 @@ grpc::Status FakeFarm::GetJobReport(grpc::ServerContext*, const v1::GetJobReport
 
 grpc::Status FakeFarm::FetchFrame(grpc::ServerContext*, const v1::FetchFrameRequest* request,
                                   grpc::ServerWriter<v1::FetchFrameResponse>* writer) {
-  const auto& of_job = frames[request->job_id()];
+  auto& of_job = frames[request->job_id()];
   const auto found = of_job.find(request->frame());
   if (found == of_job.end()) return {grpc::StatusCode::NOT_FOUND, "no such frame"};
-  const Frame& frame = found->second;
+  Frame& frame = found->second;
   if (!frame.finished && !request->allow_partial()) {
     return {grpc::StatusCode::FAILED_PRECONDITION, "the frame is not finished"};
   }
@@ -201,6 +201,10 @@ grpc::Status FakeFarm::FetchFrame(grpc::ServerContext*, const v1::FetchFrameRequ
     chunk.set_chunk(frame.bytes.substr(at, 1000));
     if (frame.has_wrong_bytes) chunk.set_chunk(std::string(chunk.chunk().size(), '!'));
     writer->Write(chunk);
+    if (frame.break_count > 0) {
+      --frame.break_count;
+      return {grpc::StatusCode::UNAVAILABLE, "the connection broke"};
+    }
   }
   return grpc::Status::OK;
 }

@@ -23,6 +23,7 @@ class FakeFarm final : public v1::JobService::Service {
     bool finished = true;
     std::vector<v1::PixelRect> missing_tiles;
     bool has_wrong_bytes = false;  // sends bytes that do not match its digest
+    int break_count = 0;           // calls to come that are UNAVAILABLE after the first chunk
   };
 
   FakeFarm();

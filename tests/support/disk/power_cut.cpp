@@ -71,6 +71,8 @@ PowerCutDisk::PowerCutDisk(std::string root)
 PowerCutDisk::~PowerCutDisk() = default;
 
 bool PowerCutDisk::grant_write() {
+  is_full_ = is_full_ || writes_left_ == 0;
+  if (writes_left_ != kUnlimited && writes_left_ > 0) --writes_left_;
   refused_count_ += is_full_ ? 1 : 0;
   return !is_full_;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <map>
 #include <memory>
 #include <string>
@@ -28,7 +29,12 @@ class PowerCutDisk final : public server::Filesystem {
 
   const std::vector<DiskEvent>& events() const { return events_; }
   /// While it is full, writes fail for want of space; those by other code do not.
-  void set_full(bool is_full) { is_full_ = is_full; }
+  void set_full(bool is_full) {
+    is_full_ = is_full;
+    writes_left_ = kUnlimited;
+  }
+  /// The disk is full after so many more writes.
+  void fill_after(int writes) { writes_left_ = writes; }
   /// Number of writes refused since the last call.
   int refused_count() { return std::exchange(refused_count_, 0); }
   /// Whether a write may be done now; counts it if not.
@@ -48,6 +54,8 @@ class PowerCutDisk final : public server::Filesystem {
   std::string sqlite_vfs() const override;
 
  private:
+  static constexpr int kUnlimited = std::numeric_limits<int>::max();
+
   std::string relative(const std::string& path) const;
 
   std::string root_;
@@ -55,6 +63,7 @@ class PowerCutDisk final : public server::Filesystem {
   std::vector<DiskEvent> events_;
   bool is_full_ = false;
   int refused_count_ = 0;
+  int writes_left_ = kUnlimited;
   std::map<std::string, bool> is_foreign_;  // by file: its writes are not reported
   std::unique_ptr<RecordingVfs> vfs_;
 };

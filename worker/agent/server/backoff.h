@@ -4,7 +4,7 @@
 
 namespace tessera::agent {
 
-/// Pauses between attempts to reach the server: each is twice the one before it.
+/// Spans of contract::Backoff between attempts to reach the server.
 constexpr std::chrono::milliseconds kFirstPause{50}, kMaxPause{2'000};
 
 }  // namespace tessera::agent

@@ -1,11 +1,10 @@
 #include "worker/agent/server/job_fetcher.h"
 
-#include <algorithm>
 #include <chrono>
-#include <random>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "rpc/backoff.h"
 #include "rpc/channel.h"
 #include "rpc/rpc_status.h"
 #include "rpc/settings_message.h"
@@ -153,8 +152,8 @@ absl::StatusOr<Descriptor> JobFetcher::fetch_asset(const v1::AssetId& id) {
 
 absl::Status JobFetcher::call(milliseconds timeout,
                               const std::function<absl::Status(grpc::ClientContext&)>& attempt) {
-  std::mt19937 random(std::random_device{}());  // jitter only
-  for (milliseconds pause = kFirstPause;; pause = std::min(2 * pause, kMaxPause)) {
+  contract::Backoff backoff(kFirstPause, kMaxPause);
+  while (true) {
     grpc::ClientContext context;
     contract::prepare_call(context, token_, timeout);
     {
@@ -166,8 +165,7 @@ absl::Status JobFetcher::call(milliseconds timeout,
     std::unique_lock lock(mutex_);
     running_ = nullptr;
     if (!absl::IsUnavailable(status)) return status;
-    std::uniform_int_distribution<std::int64_t> jitter(pause.count() / 2, pause.count());
-    wake_.wait_for(lock, milliseconds(jitter(random)), [this] { return ending_; });
+    wake_.wait_for(lock, backoff.next(), [this] { return ending_; });
   }
 }
 

@@ -52,10 +52,9 @@ ServerConnection::ServerConnection(ServerChannel& channel, Options options, Unit
       queue_(queue),
       event_loop_(event_loop),
       callbacks_(std::move(callbacks)),
-      random_(std::random_device{}()),
+      backoff_(kFirstPause, kMaxPause),
       interval_(seconds(1)),
-      timeout_(kHelloTimeout),
-      pause_(kFirstPause) {}
+      timeout_(kHelloTimeout) {}
 
 void ServerConnection::pump(Time now) {
   check_silence(now);
@@ -139,7 +138,7 @@ void ServerConnection::on_response(v1::WorkResponse response) {
   welcomed_ = true;
   last_connect_error_.clear();
   options_.log(LogLevel::info, absl::StrCat("connected to store ", response.welcome().store_id()));
-  pause_ = kFirstPause;
+  backoff_.reset();
   heartbeat_at_ = last_response_at_;
 }
 
@@ -163,9 +162,7 @@ void ServerConnection::on_closed(const absl::Status& status) {
       absl::IsUnauthenticated(status) && !session_key_.empty() && !awaits_certificate;
   if (has_stale_key) session_key_.clear();
   if (is_final(status) && !has_stale_key && !awaits_certificate) return refuse(status);
-  std::uniform_int_distribution<std::int64_t> jitter(pause_.count() / 2, pause_.count());
-  connect_at_ = now + milliseconds(jitter(random_));
-  pause_ = std::min(2 * pause_, kMaxPause);
+  connect_at_ = now + backoff_.next();
   if (was_welcome) {
     options_.log(LogLevel::warn, absl::StrCat("connection lost (", std::string(status.message()),
                                               "); reconnecting"));

@@ -6,10 +6,10 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <random>
 #include <string>
 #include <vector>
 
+#include "rpc/backoff.h"
 #include "telemetry/log/log.h"
 #include "worker/agent/server/server_channel.h"
 #include "worker/agent/server/worker_streams.h"
@@ -86,7 +86,7 @@ class ServerConnection {
   UnitQueue& queue_;
   EventLoop& event_loop_;
   const Callbacks callbacks_;
-  std::mt19937 random_;  // jitter only
+  contract::Backoff backoff_;
 
   std::string session_key_;         // empty: none issued
   std::string last_connect_error_;  // last logged
@@ -96,7 +96,6 @@ class ServerConnection {
   bool welcomed_ = false, finishing_ = false;
   bool deliver_cancelled_ = false, is_first_request_ = false;
   std::chrono::nanoseconds interval_, timeout_;
-  std::chrono::milliseconds pause_;
   Time connect_at_{}, last_response_at_{}, heartbeat_at_{};
   std::optional<Time> replaced_at_;  // when a newer stream last replaced that of this process
 

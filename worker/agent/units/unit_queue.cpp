@@ -33,6 +33,7 @@ UnitQueue::Entry* UnitQueue::find(const UnitKey& key, Phase phase) {
 void UnitQueue::erase(const UnitKey& key) {
   const auto found = entries_.find(key);
   if (found->second.phase == Phase::waiting) std::erase(waiting_, key);
+  started_.erase(key);
   entries_.erase(found);
 }
 
@@ -80,12 +81,14 @@ void UnitQueue::start(const UnitKey& key) {
   if (entry == nullptr) return;
   std::erase(waiting_, key);
   entry->phase = Phase::started;
+  started_.insert(key);
 }
 
 void UnitQueue::requeue(const UnitKey& key) {
   Entry* entry = find(key, Phase::started);
   if (entry == nullptr) return;
   entry->phase = Phase::waiting;
+  started_.erase(key);
   waiting_.push_front(key);
 }
 
@@ -94,6 +97,7 @@ bool UnitQueue::finish(const UnitKey& key, std::string block, const contract::Di
   Entry* entry = find(key, Phase::started);
   if (entry == nullptr) return false;
   entry->phase = Phase::unacknowledged;
+  started_.erase(key);
   entry->block = std::make_shared<const std::string>(std::move(block));
   entry->sha256 = sha256;
   entry->cpu_seconds = cpu_seconds;
@@ -117,11 +121,7 @@ std::optional<v1::UnitFailure> UnitQueue::fail(const UnitKey& key, const std::st
 }
 
 std::vector<UnitKey> UnitQueue::started() const {
-  std::vector<UnitKey> keys;
-  for (const auto& [key, entry] : entries_) {
-    if (entry.phase == Phase::started) keys.push_back(key);
-  }
-  return keys;
+  return {started_.begin(), started_.end()};
 }
 
 std::optional<UnitQueue::Block> UnitQueue::next_block(Time now) {
@@ -181,6 +181,7 @@ void UnitQueue::set_store(const std::string& store_id) {
   if (store_id_ != store_id) {
     entries_.clear();
     waiting_.clear();
+    started_.clear();
     to_offer_.clear();
   }
   store_id_ = store_id;
@@ -188,6 +189,7 @@ void UnitQueue::set_store(const std::string& store_id) {
 
 void UnitQueue::drop_job(const std::string& job_id) {
   std::erase_if(waiting_, [&](const UnitKey& key) { return key.job_id == job_id; });
+  std::erase_if(started_, [&](const UnitKey& key) { return key.job_id == job_id; });
   std::erase_if(entries_, [&](const auto& entry) { return entry.first.job_id == job_id; });
 }
 

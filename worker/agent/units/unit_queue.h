@@ -134,6 +134,7 @@ class UnitQueue {
 
   std::map<UnitKey, Entry> entries_;
   std::deque<UnitKey> waiting_;   // keys of waiting entries
+  std::set<UnitKey> started_;     // keys of started entries
   std::deque<UnitKey> to_offer_;  // keys of blocks not offered yet; may include removed ones
   std::int32_t credits_ = 0;      // granted and not used by a lease yet
   std::string store_id_;

@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <fstream>
+#include <sstream>
 
+#include "absl/strings/str_cat.h"
 #include "contract/pass_schedule.h"
 #include "contract/tile_grid.h"
+#include "tests/unit/server/store/durability_checker.h"
 
 namespace tessera::server {
 namespace {
@@ -19,13 +22,25 @@ JobSpec the_job() {
   JobSpec spec;
   spec.name = "job";
   spec.request_id = "request";
-  spec.request = "request";
   spec.settings.width = 20;
   spec.settings.height = 12;
   spec.settings.tile = 8;
   spec.settings.spp = 16;
   spec.settings.frames = {{1, 2, 1}};
   spec.assets = {{"scene.glb", contract::sha256(kScene), sizeof(kScene) - 1}};
+  spec.request = absl::StrCat(spec.settings.spp, " ", spec.priority);
+  return spec;
+}
+
+/// Extensions and updates change these settings, which the request of a job contains.
+std::string request_of(const JobSpec& spec) {
+  return absl::StrCat(spec.settings.spp, " ", spec.priority);
+}
+
+JobSpec read_request(const std::string& request) {
+  JobSpec spec = the_job();
+  spec.request = request;
+  std::istringstream(request) >> spec.settings.spp >> spec.priority;
   return spec;
 }
 
@@ -68,6 +83,7 @@ absl::Status FarmOnDisk::start() {
   auto store = Store::open(root_ + "/store", disk_, store_options);
   if (!store.ok()) return store.status();
   store_ = *std::move(store);
+  random_ = static_cast<std::uint64_t>(store_->boot_count());  // no job ID twice
   FarmOptions options;
   options.clock = [this] { return now_ += std::chrono::milliseconds(1); };
   options.wall_us = [] { return std::int64_t{1'700'000'000'000'000}; };
@@ -75,11 +91,11 @@ absl::Status FarmOnDisk::start() {
     return random_ = random_ * 6364136223846793005u + 1442695040888963407u;
   };
   options.read_spec = [](const JobRecord& record) -> absl::StatusOr<JobSpec> {
-    JobSpec spec = the_job();
+    JobSpec spec = read_request(record.request);
     spec.id = record.id;
     return spec;
   };
-  options.write_request = [](const JobSpec& spec) { return spec.request; };
+  options.write_request = request_of;
   auto coordinator = Coordinator::open(*store_, std::move(options));
   if (!coordinator.ok()) return coordinator.status();
   coordinator_ = *std::move(coordinator);
@@ -115,10 +131,12 @@ absl::StatusOr<int> FarmOnDisk::upload_scene() {
   return answer;
 }
 
-absl::StatusOr<std::string> FarmOnDisk::submit() {
+absl::StatusOr<std::string> FarmOnDisk::submit(const std::string& request_id) {
+  JobSpec spec = the_job();
+  spec.request_id = request_id;
   absl::StatusOr<std::string> answer = absl::UnknownError("no answer");
   coordinator_->admission().create_job(
-      the_job(), [&](const absl::StatusOr<JobAdmission::Created>& created) {
+      spec, [&](const absl::StatusOr<JobAdmission::Created>& created) {
         answer =
             created.ok() ? absl::StatusOr<std::string>(created->view.spec->id) : created.status();
       });
@@ -171,21 +189,72 @@ void FarmOnDisk::send(const UnitName& name, const Lease& lease) {
   if (admission) coordinator_->intake().deliver(kWorker, header, *admission, bytes);
 }
 
+void FarmOnDisk::work() {
+  coordinator_->tick();
+  collect();
+  const std::size_t count = std::min(kSends, waiting_.size());
+  for (std::size_t i = 0; i < count; ++i) send(waiting_[i].first, waiting_[i].second);
+  waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
+  pump();
+  collect();
+}
+
 absl::Status FarmOnDisk::finish_job(const std::string& job_id) {
   constexpr int kMaxRounds = 1000;
   for (int round = 0; round < kMaxRounds; ++round) {
-    coordinator_->tick();
-    collect();
-    const std::size_t count = std::min(kSends, waiting_.size());
-    for (std::size_t i = 0; i < count; ++i) send(waiting_[i].first, waiting_[i].second);
-    waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
-    pump();
-    collect();
+    work();
     const auto view = coordinator_->queries().job(job_id);
     if (!view.ok()) return view.status();
     if (has_ended(view->state)) return absl::OkStatus();
   }
   return absl::DeadlineExceededError("the job does not end");
+}
+
+absl::Status FarmOnDisk::change(const std::string& job_id, JobAdmin::Change what) {
+  absl::Status answer = absl::UnknownError("no answer");
+  coordinator_->jobs().change_job(job_id, what, [&](const auto& view) { answer = view.status(); });
+  pump();
+  return answer;
+}
+
+absl::Status FarmOnDisk::extend(const std::string& job_id, std::int32_t spp) {
+  absl::Status answer = absl::UnknownError("no answer");
+  coordinator_->jobs().extend_job(job_id, {spp, {}},
+                                  [&](const auto& view) { answer = view.status(); });
+  pump();
+  return answer;
+}
+
+absl::Status FarmOnDisk::set_priority(const std::string& job_id, std::int32_t priority) {
+  JobAdmin::Update update;
+  update.priority = priority;
+  absl::Status answer = absl::UnknownError("no answer");
+  coordinator_->jobs().update_job(job_id, update,
+                                  [&](const auto& view) { answer = view.status(); });
+  pump();
+  return answer;
+}
+
+absl::Status FarmOnDisk::remove(const std::string& job_id) {
+  absl::Status answer = absl::UnknownError("no answer");
+  coordinator_->jobs().remove_job(job_id, [&](const absl::Status& status) { answer = status; });
+  pump();
+  return answer;
+}
+
+std::vector<std::string> FarmOnDisk::pixels(const std::string& job_id) {
+  std::vector<std::string> pixels;
+  const auto frames = store_->frames().list(job_id);
+  const auto folder = store_->frames().output_folder(job_id);
+  if (!frames.ok() || !folder.ok()) return {};
+  for (const FrameRecord& frame : *frames) {
+    const auto image = store_->frames().row_image(job_id, frame.frame);
+    if (!image.ok()) return {};
+    const std::string bytes = image->has_value() ? **image : read_file(*folder + "/" + frame.file);
+    const bool is_intact = contract::sha256(bytes) == frame.file_sha256;
+    pixels.push_back(is_intact ? frame.pixels_sha256.hex() : "damaged");
+  }
+  return pixels;
 }
 
 }  // namespace tessera::server

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <set>
@@ -39,12 +40,22 @@ class FarmOnDisk {
   /// Uploads the scene unless it is there. Returns the step at which it was acknowledged.
   absl::StatusOr<int> upload_scene();
   /// Submits the job, which may be repeated. Returns its id.
-  absl::StatusOr<std::string> submit();
+  absl::StatusOr<std::string> submit(const std::string& request_id = "request");
   /// Connects the worker, which still holds `held`, unacknowledged by an earlier server process.
   void connect(const WorkerLog& held);
   /// Renders until the job has ended. Errors: DeadlineExceeded, it does not end.
   absl::Status finish_job(const std::string& job_id);
+  /// Lets the worker send a few blocks.
+  void work();
+  /// Orders of the client; each returns the server's answer.
+  absl::Status change(const std::string& job_id, JobAdmin::Change what);
+  absl::Status extend(const std::string& job_id, std::int32_t spp);
+  absl::Status set_priority(const std::string& job_id, std::int32_t priority);
+  absl::Status remove(const std::string& job_id);
+  /// Returns the digest of each finished frame's pixels, or "damaged" if its file is.
+  std::vector<std::string> pixels(const std::string& job_id);
 
+  /// Number of disk operations so far.
   int step() const { return static_cast<int>(disk_.events().size()); }
   const std::vector<testing::DiskEvent>& events() const { return disk_.events(); }
   const WorkerLog& log() const { return log_; }
@@ -52,6 +63,7 @@ class FarmOnDisk {
   const std::set<UnitName>& leased() const { return leased_; }
   Coordinator& coordinator() { return *coordinator_; }
   Store& store() { return *store_; }
+  testing::PowerCutDisk& disk() { return disk_; }
 
  private:
   class Link;

@@ -34,21 +34,6 @@ struct Life {
   std::vector<std::string> pixels;  // by frame
 };
 
-std::vector<std::string> pixels_of(FarmOnDisk& farm, const std::string& job_id) {
-  std::vector<std::string> pixels;
-  const auto frames = farm.store().frames().list(job_id);
-  const auto folder = farm.store().frames().output_folder(job_id);
-  if (!frames.ok() || !folder.ok()) return {};
-  for (const FrameRecord& frame : *frames) {
-    const auto image = farm.store().frames().row_image(job_id, frame.frame);
-    if (!image.ok()) return {};
-    const std::string bytes = image->has_value() ? **image : read_file(*folder + "/" + frame.file);
-    const bool is_intact = contract::sha256(bytes) == frame.file_sha256;
-    pixels.push_back(is_intact ? frame.pixels_sha256.hex() : "damaged");
-  }
-  return pixels;
-}
-
 void live(Life& life) {
   const ScratchFolder folder;
   FarmOnDisk farm(folder.path(), life.uses_rows);
@@ -65,7 +50,7 @@ void live(Life& life) {
   ASSERT_TRUE(done.ok()) << done;
   life.done_step = farm.step();
   life.log = farm.log();
-  life.pixels = pixels_of(farm, *job);
+  life.pixels = farm.pixels(*job);
   life.events = farm.events();
   ASSERT_EQ(life.log.size(), static_cast<std::size_t>(kUnits));
   ASSERT_EQ(life.pixels.size(), 2U);
@@ -130,7 +115,7 @@ std::string restart_on(const DiskImage& image, const Life& life, int step, bool 
   if (view->state != JobState::done) return "the job fails: " + view->reason;
   if (view->committed_unit_count != kUnits) return "units are counted wrongly";
   if (view->cpu_seconds != 0.5 * kUnits) return "CPU seconds are counted wrongly";
-  return pixels_of(farm, *job_id) == life.pixels ? "" : "the pixels are others";
+  return farm.pixels(*job_id) == life.pixels ? "" : "the pixels are others";
 }
 
 class FarmPowerCut : public ::testing::TestWithParam<bool> {};

@@ -2,7 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <cstdint>
+#include <deque>
 #include <string>
+#include <vector>
 
 namespace tessera::agent {
 namespace {
@@ -40,6 +44,28 @@ TEST(UnitQueue, LeasedUnitsWaitInCurveOrder) {
   EXPECT_EQ(queue.waiting(), (std::deque<UnitKey>{unit(3), unit(4), unit(0)}));
   EXPECT_EQ(queue.lease_of(unit(4))->seal(), "seal 1");
   EXPECT_EQ(queue.lease_of(unit(5)), nullptr);
+}
+
+TEST(UnitQueue, StartedUnitsFollowEveryChange) {
+  using Keys = std::vector<UnitKey>;
+  UnitQueue queue;
+  queue.set_store("store");
+  queue.add_lease(lease(0, 4));
+  queue.add_lease(lease(0, 1, 2, "other"));
+  for (const std::int32_t tile : {2, 0, 1}) queue.start(unit(tile));
+  queue.start(unit(0, "other"));
+  EXPECT_EQ(queue.started(), (Keys{unit(0), unit(1), unit(2), unit(0, "other")}));
+  queue.requeue(unit(1));
+  EXPECT_EQ(queue.started(), (Keys{unit(0), unit(2), unit(0, "other")}));
+  queue.finish(unit(0), "block", contract::sha256("block"), 0.5);
+  EXPECT_EQ(queue.started(), (Keys{unit(2), unit(0, "other")}));
+  queue.fail(unit(2), "broke", "", absl::StatusCode::kInternal);
+  EXPECT_EQ(queue.started(), Keys{unit(0, "other")});
+  queue.drop_job("other");
+  EXPECT_EQ(queue.started(), Keys{});
+  queue.start(unit(1));
+  queue.set_store("another store");
+  EXPECT_EQ(queue.started(), Keys{});
 }
 
 TEST(UnitQueue, KeepsBlockUntilAcknowledged) {
