@@ -9,23 +9,17 @@
 #include "server/identity/private_file.h"
 
 namespace tessera::server {
-namespace {
 
-constexpr std::chrono::seconds kLookEvery{1};
+Revocations::Revocations(std::string path) : path_(std::move(path)) {
+  update();
+}
 
-}  // namespace
-
-bool Revocations::contains(const std::string& serial) {
+bool Revocations::contains(const std::string& serial) const {
   const MutexLock lock(mutex_);
-  const auto now = std::chrono::steady_clock::now();
-  if (last_check_ == decltype(last_check_){} || now - last_check_ >= kLookEvery) {
-    last_check_ = now;
-    reload_if_changed();
-  }
   return serials_.count(serial) != 0;
 }
 
-void Revocations::reload_if_changed() {
+void Revocations::update() {
   struct stat info {};
   if (::stat(path_.c_str(), &info) != 0) return;
   const Version version{info.st_ino, info.st_size, info.st_mtim.tv_sec, info.st_mtim.tv_nsec};
@@ -37,8 +31,9 @@ void Revocations::reload_if_changed() {
   for (const std::string& line : lines) {
     if (!line.empty()) serials.insert(line.substr(0, line.find(' ')));
   }
-  serials_ = std::move(serials);
   read_ = version;
+  const MutexLock lock(mutex_);
+  serials_ = std::move(serials);
 }
 
 }  // namespace tessera::server

@@ -178,6 +178,7 @@ absl::StatusOr<Caller> Access::admit(grpc::CallbackServerContext& context,
 
 void Access::cut_refused() const {
   if (!streams_) return;
+  revocations_->update();
   limits_->connections().cut_refused(Clock::now());
   streams_->cut_refused(
       [this](const Identity& identity) {

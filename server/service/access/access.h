@@ -68,8 +68,9 @@ class Access {
   /// Checks that a caller admitted earlier is still allowed; for long streams, which can then end
   /// with a status that says why.
   absl::Status recheck(const Caller& caller) const;
-  /// Ends the streams of callers whose certificates have been revoked or have expired, whatever
-  /// they wait for, and connections over a client's quota. Call about twice a second.
+  /// Reads which certificates have been revoked. Ends the streams of their holders and of those
+  /// whose certificates have expired, whatever they wait for, and connections over a client's
+  /// quota. Call about twice a second, on one thread.
   void cut_refused() const;
   /// Counts bytes that a caller is about to upload. Errors: ResourceExhausted, limit exceeded.
   absl::Status count_upload(const Caller& caller, std::int64_t bytes) const;
