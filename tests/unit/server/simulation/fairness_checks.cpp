@@ -4,6 +4,8 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 
@@ -132,12 +134,12 @@ void FairnessChecks::check_order(const FarmView& farm, const Grant& grant, const
     if (now - *waiting.since < policy_.share.max_wait || *waiting.since >= since) continue;
     const auto runnable = runnable_.find(other);
     if (runnable == runnable_.end()) continue;
+    const std::set<JobKey>& before = waiting.jobs;
     const bool is_free =
         std::any_of(runnable->second.begin(), runnable->second.end(), [&](JobKey job) {
           const auto held = worker->leased_units.lower_bound({job, {}});
           const bool holds_some = held != worker->leased_units.end() && held->first == job;
-          return waiting.jobs.count(job) > 0 && !holds_some &&
-                 holds_.count({grant.worker_id, job}) == 0;
+          return before.count(job) > 0 && !holds_some && holds_.count({grant.worker_id, job}) == 0;
         });
     if (!is_free) continue;
     violate(absl::StrCat(grant.worker_id, " is leased units of ", owner, ", while ", other,
