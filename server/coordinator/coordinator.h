@@ -59,9 +59,7 @@ class Coordinator {
   const FarmQueries& queries() const { return queries_; }
   /// Recent events. An event becomes visible just after the answer to the call that caused it.
   const EventLog& events() { return farm_.events(); }
-  FarmMetrics& metrics() { return farm_.metrics(); }
-  const ClientQuotas& quotas() const { return farm_.options().client_quotas; }
-  /// The state of the farm, for tests that check it after each step.
+  /// The state of the farm, with its options and metrics.
   const FarmState& farm() const { return farm_; }
   /// What the parts keep in memory until it has been written, answered or merged.
   struct MemoryUse {

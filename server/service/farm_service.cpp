@@ -149,7 +149,7 @@ v1::ClientQuotas FarmService::quotas_of(const std::string& client, const OwnerUs
     v1::QuotaUse& quota = *message.add_quotas();
     quota.set_quota(kind.name);
     quota.set_used(use.of(kind) + (limits == nullptr ? 0 : limits->used(client, kind, now)));
-    quota.set_limit(coordinator_.quotas().of(client).*kind.member);
+    quota.set_limit(coordinator_.farm().options().client_quotas.of(client).*kind.member);
   }
   return message;
 }

@@ -93,7 +93,7 @@ absl::StatusOr<Endpoint> unix_socket_endpoint(const std::string& address) {
 absl::StatusOr<Endpoint> tls_endpoint(Coordinator& coordinator, const ListenOptions& options) {
   auto credentials = contract::server_credentials(options.certs);
   if (!credentials.ok()) return credentials.status();
-  FarmMetrics& metrics = coordinator.metrics();
+  FarmMetrics& metrics = coordinator.farm().metrics();
   return Endpoint{*std::move(credentials),
                   Access(std::make_unique<Revocations>(options.certs + "/revoked"), options.quotas,
                          [&metrics](const QuotaKind& kind) { metrics.quota_refused(kind.name); }),

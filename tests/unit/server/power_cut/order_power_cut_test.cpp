@@ -212,7 +212,7 @@ class OrderPowerCut : public ::testing::TestWithParam<bool> {
 INSTANTIATE_TEST_SUITE_P(Storage, OrderPowerCut, ::testing::Bool(),
                          [](const auto& tested) { return tested.param ? "Rows" : "Files"; });
 
-TEST_P(OrderPowerCut, EveryStepKeepsAnsweredOrders) {
+TEST_P(OrderPowerCut, EveryStepKeepsAnswers) {
   OrderedLife life;
   live(life, GetParam());
   ASSERT_FALSE(HasFatalFailure());
@@ -230,7 +230,7 @@ TEST_P(OrderPowerCut, EveryStepKeepsAnsweredOrders) {
   }
 }
 
-TEST_P(OrderPowerCut, FullDiskAtEveryWriteOfAnOrder) {
+TEST_P(OrderPowerCut, FullDiskAtEveryWrite) {
   const std::vector<Order> orders = all_orders();
   std::set<std::string> refused;
   for (std::size_t failing = 0; failing < orders.size(); ++failing) {
