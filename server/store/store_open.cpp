@@ -157,8 +157,8 @@ absl::Status DiskStore::clean_up() {
   frames_ =
       std::make_unique<FrameRows>(files_, *journal_, in("outputs"),
                                   FrameRows::Options{options_.row_image_bytes, options_.warn});
-  jobs_ = std::make_unique<JobRows>(*journal_, reserve_, *units_, *frames_,
-                                    options_.max_removed_jobs);
+  jobs_ =
+      std::make_unique<JobRows>(*journal_, reserve_, *units_, *frames_, options_.max_removed_jobs);
   if (absl::Status opened = jobs_->count_removed(); !opened.ok()) return opened;
   if (absl::Status cleaned = assets_->clean_up(); !cleaned.ok()) return cleaned;
   const absl::Status cleaned = units_->clean_up();
