@@ -19,6 +19,7 @@
 #include "cli/version_text.h"
 #include "image/codecs/library_versions.h"
 #include "server/identity_commands.h"
+#include "server/schedule/queue/fair_share.h"
 #include "server/store_commands.h"
 #include "telemetry/log/log.h"
 
@@ -107,7 +108,6 @@ void add_options(CLI::App& app, Config& config) {
 }  // namespace
 
 absl::StatusOr<std::map<std::string, double>> parse_shares(const std::vector<std::string>& shares) {
-  constexpr double kMinWeight = 1e-3, kMaxWeight = 1e3;
   std::map<std::string, double> weights;
   for (const std::string& share : shares) {
     const std::size_t equals = share.rfind('=');

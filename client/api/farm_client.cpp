@@ -343,6 +343,31 @@ class Client : public FarmClient {
     return std::vector<v1::Limit>(response.limits().begin(), response.limits().end());
   }
 
+  absl::StatusOr<v1::ClientShare> set_share(const std::string& name, double weight) override {
+    v1::SetShareRequest request;
+    request.set_client(name);
+    request.set_weight(weight);
+    v1::SetShareResponse response;
+    absl::Status status = unary(farm_, &v1::FarmService::Stub::SetShare, request, response);
+    if (!status.ok()) return status;
+    return response.share();
+  }
+  absl::StatusOr<v1::ClientShare> reset_share(const std::string& name) override {
+    v1::ResetShareRequest request;
+    request.set_client(name);
+    v1::ResetShareResponse response;
+    absl::Status status = unary(farm_, &v1::FarmService::Stub::ResetShare, request, response);
+    if (!status.ok()) return status;
+    return response.share();
+  }
+  absl::StatusOr<std::vector<v1::ClientShare>> list_shares() override {
+    v1::ListSharesResponse response;
+    absl::Status status =
+        unary(farm_, &v1::FarmService::Stub::ListShares, v1::ListSharesRequest(), response);
+    if (!status.ok()) return status;
+    return std::vector<v1::ClientShare>(response.shares().begin(), response.shares().end());
+  }
+
   absl::StatusOr<std::vector<v1::Worker>> list_workers() override {
     std::vector<v1::Worker> workers;
     v1::ListWorkersRequest request;

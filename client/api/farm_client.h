@@ -93,6 +93,10 @@ class FarmClient {
   virtual absl::Status remove_limit(const std::string& name) = 0;
   virtual absl::StatusOr<std::vector<v1::Limit>> list_limits() = 0;
 
+  virtual absl::StatusOr<v1::ClientShare> set_share(const std::string& name, double weight) = 0;
+  virtual absl::StatusOr<v1::ClientShare> reset_share(const std::string& name) = 0;
+  virtual absl::StatusOr<std::vector<v1::ClientShare>> list_shares() = 0;
+
   virtual absl::StatusOr<v1::Budget> set_budget(const v1::Budget& budget) = 0;
   virtual absl::Status remove_budget(v1::Budget::Scope scope, const std::string& name) = 0;
   virtual absl::StatusOr<std::vector<v1::Budget>> list_budgets() = 0;

@@ -21,6 +21,7 @@ void add_all_commands(CLI::App& app, Invocation& invocation) {
   add_events_commands(app, invocation);
   add_workers_command(app, invocation);
   add_limits_command(app, invocation);
+  add_shares_command(app, invocation);
   add_budgets_command(app, invocation);
   add_usage_command(app, invocation);
   add_quotas_command(app, invocation);

@@ -25,6 +25,7 @@ Coordinator::Coordinator(Store& store, FarmOptions options, const std::vector<st
       workers_(farm_, store, pipeline_),
       assets_(farm_, store, pipeline_),
       settings_(farm_, store, pipeline_),
+      shares_(farm_, store, pipeline_),
       admission_(farm_, store, pipeline_, assets_),
       jobs_({farm_, store, pipeline_, finisher_, assets_}),
       queries_({farm_, store, pipeline_, finisher_, budget_, intake_.deliveries(), budgets_,
@@ -45,6 +46,7 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::open(Store& store, Far
   {
     FarmChange change(opened->farm_);
     absl::Status loaded = opened->settings_.load(change);
+    loaded.Update(opened->shares_.load(change));
     loaded.Update(opened->budgets_.load(change));
     if (!loaded.ok()) return loaded;
   }
@@ -67,7 +69,7 @@ void Coordinator::tick() {
   if (change.now() - last_running_write_ < kWriteRunningEvery) return;
   last_running_write_ = change.now();
   pipeline_.write_running(change);
-  settings_.write_use(change);
+  shares_.write_use(change);
 }
 
 Coordinator::MemoryUse Coordinator::memory_use() const {
@@ -84,7 +86,7 @@ void Coordinator::stop() {
   {
     FarmChange change(farm_);
     pipeline_.write_running(change);
-    settings_.write_use(change);
+    shares_.write_use(change);
   }
   budget_.stop();
   pipeline_.stop();

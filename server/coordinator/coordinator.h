@@ -16,6 +16,7 @@
 #include "server/jobs/job_admission.h"
 #include "server/queries/farm_queries.h"
 #include "server/settings/budgets.h"
+#include "server/settings/client_shares.h"
 #include "server/settings/farm_settings.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
@@ -55,6 +56,7 @@ class Coordinator {
   AssetCatalog& assets() { return assets_; }
   FarmSettings& settings() { return settings_; }
   Budgets& budgets() { return budgets_; }
+  ClientShares& shares() { return shares_; }
   FrameImages& images() { return images_; }
   const FarmQueries& queries() const { return queries_; }
   /// Recent events. An event becomes visible just after the answer to the call that caused it.
@@ -90,6 +92,7 @@ class Coordinator {
   WorkerRegistry workers_;
   AssetCatalog assets_;
   FarmSettings settings_;
+  ClientShares shares_;
   JobAdmission admission_;
   JobAdmin jobs_;
   FarmQueries queries_;

@@ -30,6 +30,15 @@ void add_page(const std::vector<UsageSum>& sums, int size, v1::ListUsageResponse
   if (count < sums.size()) response.set_next_page_token(page_token_after(sums[count - 1]));
 }
 
+/// Returns a function that answers SetShare or ResetShare.
+template <typename Response>
+ClientShares::Answer answer_with(Response* response, grpc::ServerUnaryReactor* reactor) {
+  return [response, reactor](const absl::StatusOr<ShareView>& share) {
+    if (share.ok()) *response->mutable_share() = to_message(*share);
+    reactor->Finish(contract::to_rpc(share.status()));
+  };
+}
+
 }  // namespace
 
 grpc::ServerUnaryReactor* FarmService::SetLimit(grpc::CallbackServerContext* context,
@@ -71,6 +80,39 @@ grpc::ServerUnaryReactor* FarmService::ListLimits(grpc::CallbackServerContext* c
   if (!status.ok()) return finish(context, status);
   for (const LimitView& limit : coordinator_.settings().limits()) {
     *response->add_limits() = to_message(limit);
+  }
+  return finish(context, absl::OkStatus());
+}
+
+grpc::ServerUnaryReactor* FarmService::SetShare(grpc::CallbackServerContext* context,
+                                                const v1::SetShareRequest* request,
+                                                v1::SetShareResponse* response) {
+  absl::Status status = access_.admit(*context, "FarmService.SetShare").status();
+  if (status.ok()) status = check_name("client", request->client());
+  if (status.ok()) status = check_weight(request->weight());
+  if (!status.ok()) return finish(context, status);
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  coordinator_.shares().set(request->client(), request->weight(), answer_with(response, reactor));
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* FarmService::ResetShare(grpc::CallbackServerContext* context,
+                                                  const v1::ResetShareRequest* request,
+                                                  v1::ResetShareResponse* response) {
+  const absl::Status status = access_.admit(*context, "FarmService.ResetShare").status();
+  if (!status.ok()) return finish(context, status);
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  coordinator_.shares().reset(request->client(), answer_with(response, reactor));
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* FarmService::ListShares(grpc::CallbackServerContext* context,
+                                                  const v1::ListSharesRequest* /*request*/,
+                                                  v1::ListSharesResponse* response) {
+  const auto caller = access_.admit(*context, "FarmService.ListShares");
+  if (!caller.ok()) return finish(context, caller.status());
+  for (const ShareView& share : coordinator_.shares().list(caller->visible_owner())) {
+    *response->add_shares() = to_message(share);
   }
   return finish(context, absl::OkStatus());
 }

@@ -23,6 +23,15 @@ class FarmService final : public v1::FarmService::CallbackService {
   grpc::ServerUnaryReactor* ListLimits(grpc::CallbackServerContext* context,
                                        const v1::ListLimitsRequest* request,
                                        v1::ListLimitsResponse* response) override;
+  grpc::ServerUnaryReactor* SetShare(grpc::CallbackServerContext* context,
+                                     const v1::SetShareRequest* request,
+                                     v1::SetShareResponse* response) override;
+  grpc::ServerUnaryReactor* ResetShare(grpc::CallbackServerContext* context,
+                                       const v1::ResetShareRequest* request,
+                                       v1::ResetShareResponse* response) override;
+  grpc::ServerUnaryReactor* ListShares(grpc::CallbackServerContext* context,
+                                       const v1::ListSharesRequest* request,
+                                       v1::ListSharesResponse* response) override;
   grpc::ServerUnaryReactor* SetBudget(grpc::CallbackServerContext* context,
                                       const v1::SetBudgetRequest* request,
                                       v1::SetBudgetResponse* response) override;

@@ -5,7 +5,6 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
 
 namespace tessera::server {
 namespace {
@@ -23,12 +22,6 @@ Settings limit_rows(const Limits& limits) {
   for (const auto& [name, limit] : limits.all()) {
     if (limit.units) rows[name] = absl::StrCat(*limit.units);
   }
-  return rows;
-}
-
-Settings use_rows(const std::vector<UsageRow>& table) {
-  Settings rows;
-  for (const UsageRow& use : table) rows[use.owner] = absl::StrFormat("%.17g", use.cpu_seconds);
   return rows;
 }
 
@@ -51,14 +44,6 @@ absl::Status FarmSettings::load(FarmChange& change) {
   for (const auto& [worker, reason] : *aside) {
     change.scheduler().orders().set_aside(worker, reason, change.now());
   }
-  const auto use = store_.settings().read(SettingKind::use);
-  if (!use.ok()) return use.status();
-  std::vector<UsageRow> table;
-  for (const auto& [owner, value] : *use) {
-    double cpu_seconds = 0;
-    if (absl::SimpleAtod(value, &cpu_seconds)) table.push_back({owner, cpu_seconds});
-  }
-  change.scheduler().limits().restore_usage(table, change.now());
   return absl::OkStatus();
 }
 
@@ -204,19 +189,6 @@ absl::Status FarmSettings::bring_back_now(const std::string& worker_id) {
   change.scheduler().orders().bring_back(worker_id, change.now());
   change.log(LogLevel::info, absl::StrCat("worker ", worker_id, " is back"));
   return absl::OkStatus();
-}
-
-// Use --------------------------------------------------------------------------------------------
-
-void FarmSettings::write_use(FarmChange& change) {
-  pipeline_.post_write(
-      [this, rows = use_rows(change.scheduler().limits().usage(change.now()))] {
-        return store_.settings().save(SettingKind::use, rows);
-      },
-      [this](const absl::Status& status) {
-        if (status.ok()) return;
-        farm_.log(LogLevel::error, absl::StrCat("use of clients: ", status.ToString()));
-      });
 }
 
 }  // namespace tessera::server

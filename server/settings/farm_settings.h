@@ -19,9 +19,8 @@ struct LimitView {
   std::int64_t units = 0, used = 0;
 };
 
-/// Limits, pools of workers, workers that are set aside, and the use of owners: settings of
-/// operators and the farm's memory besides jobs. A change is durable before it takes effect.
-/// Thread-safe.
+/// Limits, pools of workers, and workers that are set aside: settings of operators. A change is
+/// durable before it takes effect. Thread-safe.
 class FarmSettings {
  public:
   static constexpr std::size_t kMaxLimits = 10'000;
@@ -54,9 +53,6 @@ class FarmSettings {
   /// Brings a worker back durably, then calls `done`. Errors: NotFound, it is neither set aside nor
   /// was it connected within the last hour; those of the store.
   void bring_back(const std::string& worker_id, std::function<void(absl::Status)> done);
-
-  /// Writes the use of owners. Call every few seconds: a crash loses what was used since.
-  void write_use(FarmChange& change);
 
  private:
   absl::StatusOr<LimitView> set_limit_now(const std::string& name, std::int64_t units);

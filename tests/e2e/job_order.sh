@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Dependencies, pools, limits and changes of jobs, with the server killed in the middle.
+# Dependencies, pools, limits, shares and changes of jobs, with the server killed in the middle.
 . "$(dirname "$0")/farm.sh"
 scene=$scenes/lit_square.gltf
 job=(--size 64x48 --spp 8 --tile-size 16)
@@ -118,6 +118,29 @@ exits 0 farm cancel "$limited"
 exits 0 farm limits remove licence
 say "a limit of 1 holds for two workers, over a kill of the server"
 kill_worker two
+
+# Shares -----------------------------------------------------------------------------------------
+# share FIELD: prints a field of the only share that is listed.
+share() {
+  farm shares --json >"$work/shares.json"
+  check_schema <"$work/shares.json" || fail "shares --json does not match its schema"
+  json "$work/shares.json" "[s['$1'] for s in d['shares']]"
+}
+exits 0 farm shares set local 3
+says "local has weight 3 (set by operator)"
+restart
+equal "a weight outlives the server" "$(share weight) $(share source)" "3.0 set"
+kill_server
+start_server --client-share local=2
+equal "and replaces that of the option" "$(share weight) $(share source)" "3.0 set"
+exits 0 farm shares reset local
+says "local has weight 2 (server option)"
+equal "which applies again without it" "$(share weight) $(share source)" "2.0 option"
+exits 2 farm shares reset local
+says "the weight of client \"local\" is not set"
+exits 2 farm shares set local 1001
+exits 0 farm shares
+grep -q "^local *2 *server option *[0-9.]* s$" "$work/out" || fail "the table of shares: $(cat "$work/out")"
 
 # Changes ----------------------------------------------------------------------------------------
 slow=$(farm submit "$scene" --size 640x480 --spp 4096 --seed 7 --name slow)

@@ -9,6 +9,8 @@ namespace tessera::client {
 void add_workers_command(CLI::App& app, Invocation& invocation);
 /// Adds limits with set and remove.
 void add_limits_command(CLI::App& app, Invocation& invocation);
+/// Adds shares with set and reset.
+void add_shares_command(CLI::App& app, Invocation& invocation);
 /// Adds budgets with set and remove.
 void add_budgets_command(CLI::App& app, Invocation& invocation);
 void add_usage_command(CLI::App& app, Invocation& invocation);

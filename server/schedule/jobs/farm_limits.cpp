@@ -4,17 +4,41 @@
 
 namespace tessera::server {
 
-std::vector<UsageRow> FarmLimits::usage(Time now) const {
-  FairShare committed = ready_.queue().share();
-  for (const auto& [key, job] : jobs_.all()) {
+namespace {
+
+/// Calls `visit` with the job and the holder of each lease that is charged to its owner.
+template <typename Visit>
+void for_each_charged(const JobTable& jobs, const Visit& visit) {
+  for (const auto& [key, job] : jobs.all()) {
     if (!job.plan) continue;
     for (const auto& [unit, in_flight] : job.plan->in_flight()) {
-      for (const Holder& holder : in_flight.holders) {
-        committed.charge(job.spec->owner, -holder.expected_seconds, holder.charged);
-      }
+      for (const Holder& holder : in_flight.holders) visit(job, holder);
     }
   }
-  return committed.table(now);
+}
+
+}  // namespace
+
+FairShare FarmLimits::committed_share() const {
+  FairShare committed = share();
+  for_each_charged(jobs_, [&](const Job& job, const Holder& holder) {
+    committed.charge(job.spec->owner, -holder.expected_seconds, holder.charged);
+  });
+  return committed;
+}
+
+void FarmLimits::set_weight(const std::string& owner, double weight, Time now) {
+  ready_.advance(now);
+  // Leases are charged again with the new weight, with which they will be taken back.
+  const auto charge_leases = [&](double sign) {
+    for_each_charged(jobs_, [&](const Job& job, const Holder& holder) {
+      if (job.spec->owner != owner) return;
+      ready_.queue().charge(owner, sign * holder.expected_seconds, holder.charged);
+    });
+  };
+  charge_leases(-1);
+  ready_.queue().set_weight(owner, weight);
+  charge_leases(1);
 }
 
 void FarmLimits::set_limit(const std::string& name, std::int64_t units, Time now) {

@@ -24,6 +24,10 @@ double FairShare::weight(const std::string& owner) const {
   return found == weights_.end() ? 1 : found->second;
 }
 
+void FairShare::set_weight(const std::string& owner, double weight) {
+  weights_[owner] = weight;
+}
+
 double FairShare::position(const std::string& owner) const {
   const auto found = positions_.find(owner);
   return found == positions_.end() ? 0 : found->second;
@@ -38,8 +42,12 @@ void FairShare::charge(const std::string& owner, double cpu_seconds, Time when) 
   position = std::max(position + step(owner, cpu_seconds, when), 0.0);
 }
 
+double FairShare::usage(const std::string& owner, Time now) const {
+  return position(owner) / scale(now);
+}
+
 double FairShare::cpu_seconds(const std::string& owner, Time now) const {
-  return position(owner) * weight(owner) / scale(now);
+  return usage(owner, now) * weight(owner);
 }
 
 std::vector<UsageRow> FairShare::table(Time now) const {

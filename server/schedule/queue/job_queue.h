@@ -59,6 +59,9 @@ class JobQueue {
 
   /// Adds to an owner's use, CPU seconds. Negative: takes back a charge with the same `when`.
   void charge(const std::string& owner, double cpu_seconds, Time when = {});
+  /// Changes the weight of later charges. The caller takes back the charges that it may still take
+  /// back, and makes them again afterwards.
+  void set_weight(const std::string& owner, double weight) { share_.set_weight(owner, weight); }
   const FairShare& share() const { return share_; }
   void restore(const std::vector<UsageRow>& table, Time now);
   /// Sorts owners whose use has changed. Once for many charges, before the next question.

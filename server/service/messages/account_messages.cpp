@@ -5,6 +5,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "server/schedule/queue/fair_share.h"
 #include "server/service/messages/field_checks.h"
 
 namespace tessera::server {
@@ -35,6 +36,11 @@ absl::StatusOr<Budget> from_message(const v1::Budget& message) {
   }
   return Budget{message.cpu_seconds(), static_cast<BudgetPeriod>(message.period()),
                 static_cast<BudgetAction>(message.action()), message.warning_fraction()};
+}
+
+absl::Status check_weight(double weight) {
+  if (weight >= kMinWeight && weight <= kMaxWeight) return absl::OkStatus();
+  return bad("weight", absl::StrCat(weight, " is not in [", kMinWeight, ", ", kMaxWeight, "]"));
 }
 
 v1::Budget to_message(const Account& account, const BudgetState& state) {

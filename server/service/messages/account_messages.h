@@ -9,10 +9,13 @@
 
 namespace tessera::server {
 
-// Converts messages about budgets and accounts. Errors: InvalidArgument, as in messages.h.
+// Converts and checks messages about shares, budgets and accounts. Errors: InvalidArgument, as in
+// messages.h.
 
 absl::StatusOr<Account> to_account(v1::Budget::Scope scope, const std::string& name);
 absl::StatusOr<Budget> from_message(const v1::Budget& message);
+/// Checks a weight in fair share.
+absl::Status check_weight(double weight);
 v1::Budget to_message(const Account& account, const BudgetState& state);
 /// Converts a request, with its page token.
 absl::StatusOr<UsageQuery> from_message(const v1::ListUsageRequest& message);

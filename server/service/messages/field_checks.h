@@ -27,7 +27,7 @@ absl::Status check_text(const std::string& field, const std::string& text, std::
 absl::Status check_range(const std::string& field, std::int64_t value, std::int64_t low,
                          std::int64_t high);
 
-/// Checks the name of a pool, a limit, a project or a worker: 1 to 64 of [a-zA-Z0-9._-].
+/// Checks the name of a client, a pool, a limit, a project or a worker: 1 to 64 of [a-zA-Z0-9._-].
 absl::Status check_name(const std::string& field, const std::string& name);
 
 void set_duration(double span_seconds, google::protobuf::Duration& duration);

@@ -24,6 +24,15 @@ v1::Limit to_message(const LimitView& limit) {
   return message;
 }
 
+v1::ClientShare to_message(const ShareView& share) {
+  v1::ClientShare message;
+  message.set_client(share.client);
+  message.set_weight(share.weight);
+  message.set_source(static_cast<v1::ClientShare::Source>(share.source));
+  message.set_usage_cpu_seconds(share.usage);
+  return message;
+}
+
 v1::Event to_message(const Event& event) {
   v1::Event message;
   message.set_sequence(event.sequence);

@@ -17,6 +17,7 @@ namespace tessera::server {
 inline constexpr std::size_t kTilesPerMessage = 65'536;
 
 v1::Limit to_message(const LimitView& limit);
+v1::ClientShare to_message(const ShareView& share);
 v1::Event to_message(const Event& event);
 v1::Delivery to_message(const Delivery& delivery);
 v1::Worker to_message(const Worker& worker, double silence_seconds);

@@ -1,4 +1,4 @@
-// Budgets, accounts and orders to workers as messages.
+// Shares, budgets, accounts and orders to workers as messages.
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -54,6 +54,48 @@ v1::Budget budget_of(const std::string& name) {
   budget.set_action(v1::Budget::ACTION_WARN);
   budget.set_warning_fraction(0.5);
   return budget;
+}
+
+TEST_F(AccountsService, SharesAreCheckedAndListed) {
+  const auto set = [&](const std::string& client, double weight) {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::SetShareRequest request;
+    request.set_client(client);
+    request.set_weight(weight);
+    v1::SetShareResponse response;
+    return farm()->SetShare(&context, request, &response).error_code();
+  };
+  const auto reset = [&](const std::string& client, v1::ClientShare& share) {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::ResetShareRequest request;
+    request.set_client(client);
+    v1::ResetShareResponse response;
+    const grpc::Status status = farm()->ResetShare(&context, request, &response);
+    share = response.share();
+    return status.error_code();
+  };
+  for (const double wrong : {0.0, -1.0, 0.0009, 1000.1, std::nan("")}) {
+    EXPECT_EQ(set("ann", wrong), grpc::StatusCode::INVALID_ARGUMENT) << wrong;
+  }
+  EXPECT_EQ(set("a b", 1), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(set("ann", 0.001), grpc::StatusCode::OK);
+  EXPECT_EQ(set("ann", 1000), grpc::StatusCode::OK);
+  restart();
+  grpc::ClientContext context;
+  prepare(context);
+  v1::ListSharesResponse listed;
+  ASSERT_TRUE(farm()->ListShares(&context, {}, &listed).ok());
+  ASSERT_EQ(listed.shares_size(), 1);
+  EXPECT_EQ(listed.shares(0).client(), "ann");
+  EXPECT_EQ(listed.shares(0).weight(), 1000);
+  EXPECT_EQ(listed.shares(0).source(), v1::ClientShare::SOURCE_SET);
+  v1::ClientShare share;
+  EXPECT_EQ(reset("ann", share), grpc::StatusCode::OK);
+  EXPECT_EQ(share.weight(), 1);
+  EXPECT_EQ(share.source(), v1::ClientShare::SOURCE_DEFAULT);
+  EXPECT_EQ(reset("ann", share), grpc::StatusCode::NOT_FOUND);
 }
 
 TEST_F(AccountsService, BudgetsAreCheckedAndListed) {

@@ -303,7 +303,7 @@ std::string ServiceFuzzer::look_at_frame() {
   return wrong.empty() ? leak(person, text) : wrong;
 }
 
-/// ListUsage, ListBudgets and ListQuotas.
+/// ListUsage, ListBudgets, ListQuotas and ListShares, after an admin has set a share.
 std::string ServiceFuzzer::look_at_usage() {
   const Person& person = any_client();
   const auto farm = stub<v1::FarmService>(person);
@@ -311,8 +311,8 @@ std::string ServiceFuzzer::look_at_usage() {
     std::string wrong = compare(what, person, StatusCode::OK, status);
     return wrong.empty() ? leak(person, bytes) : wrong;
   };
-  grpc::ClientContext one, two, three;
-  for (grpc::ClientContext* context : {&one, &two, &three}) prepare(*context);
+  grpc::ClientContext one, two, three, four, five;
+  for (grpc::ClientContext* context : {&one, &two, &three, &four, &five}) prepare(*context);
   v1::ListUsageRequest request;
   request.add_group_by(v1::ListUsageRequest::GROUP_JOB);
   if (dice_.one_in(2)) request.set_owner(any_client().name);
@@ -333,6 +333,21 @@ std::string ServiceFuzzer::look_at_usage() {
   }
   for (const v1::ClientQuotas& quota : quotas.clients()) {
     if (quota.client() != person.name) wrong = "quotas of " + quota.client();
+  }
+  v1::SetShareRequest share;
+  share.set_client(any_client().name);
+  share.set_weight(2);
+  v1::SetShareResponse set;
+  if (wrong.empty()) {
+    wrong = compare("SetShare", people()[2], StatusCode::OK,
+                    stub<v1::FarmService>(people()[2])->SetShare(&five, share, &set));
+  }
+  v1::ListSharesResponse shares;
+  if (wrong.empty()) {
+    wrong = check("ListShares", farm->ListShares(&four, {}, &shares), shares.SerializeAsString());
+  }
+  for (const v1::ClientShare& listed : shares.shares()) {
+    if (listed.client() != person.name) wrong = "the share of " + listed.client();
   }
   return wrong;
 }

@@ -6,7 +6,7 @@
 
 #include "server/service/access/access.h"
 #include "tessera/v1/certificate_service.pb.h"
-#include "tessera/v1/farm_service.pb.h"
+#include "tessera/v1/farm_service.grpc.pb.h"
 #include "tessera/v1/worker_service.pb.h"
 #include "tests/integration/server/support/all_methods.h"
 #include "tests/integration/server/support/secure_farm.h"
@@ -114,7 +114,7 @@ class RolesTest : public SecureFarm {
 };
 
 TEST_F(RolesTest, EveryRpcEnforcesItsRule) {
-  ASSERT_GE(all_methods().size(), 37u);
+  ASSERT_GE(all_methods().size(), 40u);
   const auto client = channel("ann"), worker = channel("w1"), admin = channel("root");
   for (const auto* method : all_methods()) {
     const std::string rpc = method->service()->name() + "." + method->name();
@@ -213,6 +213,40 @@ TEST_F(RolesTest, ClientStreamsAreLimitedToEight) {
   }
   EXPECT_TRUE(is_free) << "a reservation is released";
   for (const auto& watch : watches) watch->context.TryCancel();
+}
+
+TEST_F(RolesTest, ClientSeesOnlyItsShareAndSetsNone) {
+  const auto farm = [&](const char* name) { return v1::FarmService::NewStub(channel(name)); };
+  const auto set = [&](const char* caller, const char* client) {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::SetShareRequest request;
+    request.set_client(client);
+    request.set_weight(2);
+    v1::SetShareResponse response;
+    return farm(caller)->SetShare(&context, request, &response).error_code();
+  };
+  const auto listed = [&](const char* caller) {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::ListSharesResponse response;
+    EXPECT_TRUE(farm(caller)->ListShares(&context, {}, &response).ok());
+    std::vector<std::string> clients;
+    for (const v1::ClientShare& share : response.shares()) clients.push_back(share.client());
+    return clients;
+  };
+  EXPECT_EQ(set("ann", "ann"), StatusCode::PERMISSION_DENIED);
+  EXPECT_EQ(set("root", "ann"), StatusCode::OK);
+  EXPECT_EQ(set("root", "bob"), StatusCode::OK);
+  EXPECT_EQ(listed("ann"), std::vector<std::string>{"ann"});
+  EXPECT_EQ(listed("root"), (std::vector<std::string>{"ann", "bob"}));
+  grpc::ClientContext context;
+  prepare(context);
+  v1::ResetShareRequest request;
+  request.set_client("bob");
+  v1::ResetShareResponse response;
+  EXPECT_EQ(farm("bob")->ResetShare(&context, request, &response).error_code(),
+            StatusCode::PERMISSION_DENIED);
 }
 
 TEST_F(RolesTest, ForeignRequestIdRevealsNothing) {

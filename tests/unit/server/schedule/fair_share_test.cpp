@@ -65,6 +65,19 @@ TEST(FairShare, FadedOwnersAreForgotten) {
   EXPECT_EQ(share.size(), 1u);
 }
 
+TEST(FairShare, NewWeightCountsForLaterChargesOnly) {
+  FairShare share(1h, {{"ann", 2.0}}, Time{});
+  share.charge("ann", 30, Time{});
+  share.set_weight("ann", 3);
+  EXPECT_NEAR(share.usage("ann", Time{}), 15, 1e-9);
+  share.charge("ann", 30, Time{});
+  EXPECT_NEAR(share.usage("ann", Time{}), 25, 1e-9);
+  EXPECT_NEAR(share.usage("ann", Time{} + 1h), 12.5, 1e-9);
+  FairShare next(1h, {{"ann", 3.0}}, Time{});
+  next.restore(share.table(Time{}), Time{});
+  EXPECT_NEAR(next.usage("ann", Time{}), 25, 1e-9) << "also in the next process";
+}
+
 // In the scheduler --------------------------------------------------------------------------------
 
 /// A farm of workers with one thread each that render what they are leased, in simulated time.
@@ -152,6 +165,40 @@ TEST(FairShare, TwentyTenantsGetTheirShares) {
     const double share = policy.share.weights[owner] / weights;
     EXPECT_NEAR(seconds / farm.total() / share, 1, 0.05) << owner;
   }
+}
+
+TEST(FairShare, LeasesFollowNewWeightFromChangeOn) {
+  SchedulePolicy policy;
+  policy.audit_fraction = 0;
+  SharedFarm farm(4, policy);
+  const std::map<std::string, double> cost{{"ann", 2}, {"ben", 2}};
+  farm.farm.queue_job({.tiles = 8000, .frames = 10, .owner = "ann"});
+  farm.farm.queue_job({.tiles = 8000, .frames = 10, .owner = "ben"});
+  farm.farm.scheduler.dispatcher().dispatch_all(farm.farm.now);
+  const auto ratio_in = [&](Duration span) {
+    farm.spent.clear();
+    farm.run(span, cost);
+    return farm.spent["ann"] / farm.spent["ben"];
+  };
+  EXPECT_NEAR(ratio_in(30min), 1, 0.02);
+  farm.farm.scheduler.limits().set_weight("ann", 3, farm.farm.now);
+  EXPECT_NEAR(ratio_in(10min), 3, 0.2) << "past use is not divided again";
+  EXPECT_NEAR(ratio_in(30min), 3, 0.06);
+  farm.farm.scheduler.limits().set_weight("ann", 1, farm.farm.now);
+  EXPECT_NEAR(ratio_in(10min), 1, 0.1);
+}
+
+TEST(FairShare, LeasesAreTakenBackWithWeightOfTheirCharge) {
+  SchedulerHarness farm;
+  const WorkerKey worker = farm.connect("w1", {.threads = 4, .credits = 4});
+  farm.add_job({.tiles = 4, .owner = "ann"});
+  const std::vector<UnitName> units = farm.leased(worker);
+  ASSERT_EQ(units.size(), 4u);
+  EXPECT_NEAR(farm.scheduler.limits().share().usage("ann", farm.now), 4, 1e-9);
+  farm.scheduler.limits().set_weight("ann", 100, farm.now);
+  EXPECT_NEAR(farm.scheduler.limits().share().usage("ann", farm.now), 0.04, 1e-9);
+  for (const UnitName& unit : units) farm.commit(worker, unit, 0);
+  EXPECT_NEAR(farm.scheduler.limits().share().usage("ann", farm.now), 0, 1e-9);
 }
 
 TEST(FairShare, ShortJobsInTurnDoNotGoFirst) {
