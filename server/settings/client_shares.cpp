@@ -68,6 +68,7 @@ std::vector<ShareView> ClientShares::list(const std::string& client) const {
     }
   }
   std::vector<ShareView> shares;
+  shares.reserve(clients.size());
   for (const std::string& name : clients) shares.push_back(view_of(view, name));
   return shares;
 }
