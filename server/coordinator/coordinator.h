@@ -59,9 +59,8 @@ class Coordinator {
   ClientShares& shares() { return shares_; }
   FrameImages& images() { return images_; }
   const FarmQueries& queries() const { return queries_; }
-  /// Recent events. An event becomes visible just after the answer to the call that caused it.
-  const EventLog& events() { return farm_.events(); }
-  /// The state of the farm, with its options and metrics.
+  /// The state of the farm, with its options, metrics and recent events. An event becomes visible
+  /// just after the answer to the call that caused it.
   const FarmState& farm() const { return farm_; }
   /// What the parts keep in memory until it has been written, answered or merged.
   struct MemoryUse {

@@ -44,7 +44,7 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
 
  private:
   void start() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    const std::int64_t newest = coordinator_.events().newest();
+    const std::int64_t newest = coordinator_.farm().events().newest();
     if (query_.after <= newest) return poll_unless_cancelled(true);
     finish(absl::OutOfRangeError(absl::StrCat("after_sequence ", query_.after,
                                               " is newer than the last event ", newest,
@@ -59,22 +59,22 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
           absl::StrCat("events between ", query_.after, " and ", dropped,
                        " are no longer kept; 0 starts with the oldest one that is")));
     }
-    if (query_.after < coordinator_.events().complete_after()) {
+    if (query_.after < coordinator_.farm().events().complete_after()) {
       return io_.post([this, query = query_] { read_stored(query); });
     }
-    send(coordinator_.events().read(query_, kEventsPerMessage));
+    send(coordinator_.farm().events().read(query_, kEventsPerMessage));
   }
 
   /// Reads events up to those that are in memory.
   void read_stored(const EventQuery& query) {
-    const std::int64_t end = coordinator_.events().complete_after();
+    const std::int64_t end = coordinator_.farm().events().complete_after();
     auto stored = coordinator_.queries().stored_events(query, kEventsPerMessage);
     const MutexLock lock(mutex_);
     if (!stored.ok()) return finish(stored.status());
     std::erase_if(*stored, [end](const Event& event) { return event.sequence > end; });
     const bool is_page = stored->size() == kEventsPerMessage;
     const std::int64_t last = is_page ? stored->back().sequence : end;
-    auto events = coordinator_.events().with_lines(*std::move(stored), query, last);
+    auto events = coordinator_.farm().events().with_lines(*std::move(stored), query, last);
     if (events.size() > kEventsPerMessage) events.resize(kEventsPerMessage);
     if (!events.empty()) return send(events);
     query_.after = end;

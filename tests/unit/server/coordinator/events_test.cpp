@@ -165,7 +165,7 @@ class Events : public CoordinatorFixture {
   std::vector<EventKind> kinds(const std::string& job = "") {
     pump();  // they are visible once they are durable
     std::vector<EventKind> kinds;
-    for (const Event& event : coordinator->events().read({0, job, ""}, 1000)) {
+    for (const Event& event : coordinator->farm().events().read({0, job, ""}, 1000)) {
       kinds.push_back(event.kind);
     }
     return kinds;
@@ -218,7 +218,7 @@ TEST_F(Events, FailedUnitIncludesLastRendererOutput) {
                                    {"", "it broke", "first\nsecond\n"},
                                    absl::StatusCode::kInternal);
   pump();
-  const auto events = texts(coordinator->events().read({0, job, ""}, 100));
+  const auto events = texts(coordinator->farm().events().read({0, job, ""}, 100));
   ASSERT_GE(events.size(), 3u);
   const std::vector<std::string> last(events.end() - 3, events.end());
   EXPECT_NE(last[0].find("failed: it broke"), std::string::npos);
@@ -233,7 +233,7 @@ TEST_F(Events, WorkerLogsOnlyForLeasedJobs) {
   coordinator->workers().take_log_lines(stranger.session, {{job, "not mine"}});
   coordinator->workers().take_log_lines(worker.session, {{job, "mine"}, {"nosuch", "of no job"}});
   pump();
-  const auto events = coordinator->events().read({0, job, ""}, 100);
+  const auto events = coordinator->farm().events().read({0, job, ""}, 100);
   EXPECT_EQ(events.back().text, "mine");
   EXPECT_EQ(events.back().worker_id, "w");
   for (const Event& event : events) EXPECT_NE(event.text, "not mine");
@@ -241,12 +241,12 @@ TEST_F(Events, WorkerLogsOnlyForLeasedJobs) {
   coordinator->workers().take_log_lines(worker.session,
                                         {{job, "the last word"}});  // late, but accepted
   pump();
-  EXPECT_EQ(coordinator->events().read({0, job, ""}, 100).back().text, "the last word");
+  EXPECT_EQ(coordinator->farm().events().read({0, job, ""}, 100).back().text, "the last word");
   start();
   worker = join("w");  // after a restart of the server
   coordinator->workers().take_log_lines(worker.session, {{job, "the very last"}});
   pump();
-  const auto kept = texts(coordinator->events().read({0, job, ""}, 100));
+  const auto kept = texts(coordinator->farm().events().read({0, job, ""}, 100));
   EXPECT_EQ(kept.back(), "the very last");
   EXPECT_EQ(std::count(kept.begin(), kept.end(), "mine"), 0)
       << "lines of the last process are gone";
@@ -311,10 +311,10 @@ TEST_F(Events, AreTheSameAfterRestart) {
   const std::string job = create_job("shot");
   finish_job(worker, job);
   pump();
-  const auto before = coordinator->events().read({}, 1000);
+  const auto before = coordinator->farm().events().read({}, 1000);
   ASSERT_FALSE(before.empty());
   start();
-  const auto after = coordinator->events().read({}, 1000);
+  const auto after = coordinator->farm().events().read({}, 1000);
   ASSERT_GE(after.size(), before.size());
   for (std::size_t i = 0; i < before.size(); ++i) {
     EXPECT_EQ(after[i].sequence, before[i].sequence);
@@ -322,7 +322,7 @@ TEST_F(Events, AreTheSameAfterRestart) {
   }
   create_job("next");
   pump();
-  EXPECT_GT(coordinator->events().read({}, 1000).back().sequence, before.back().sequence);
+  EXPECT_GT(coordinator->farm().events().read({}, 1000).back().sequence, before.back().sequence);
 }
 
 /// Kills the server after each round of the writer: a job that is DONE in the store must have one
@@ -337,9 +337,9 @@ TEST_F(Events, EveryChangeHasOneEventOverAnyCrash) {
       coordinator->run_film(false);
       deliver_all(worker);
     }
-    const auto seen = coordinator->events().read({}, 100'000);
+    const auto seen = coordinator->farm().events().read({}, 100'000);
     start();
-    const auto kept = coordinator->events().read({}, 100'000);
+    const auto kept = coordinator->farm().events().read({}, 100'000);
     ASSERT_GE(kept.size(), seen.size());
     for (std::size_t i = 0; i < seen.size(); ++i) ASSERT_EQ(kept[i].sequence, seen[i].sequence);
     worker = join("w");
@@ -363,7 +363,7 @@ TEST_F(Events, FailedTransactionKeepsThemForTheNextOne) {
   store.controls().fail_transactions_with(absl::ResourceExhaustedError("full"));
   coordinator->workers().drain_worker("w").IgnoreError();
   pump();
-  EXPECT_EQ(coordinator->events().read({}, 1000).size(), before);
+  EXPECT_EQ(coordinator->farm().events().read({}, 1000).size(), before);
   store.controls().fail_transactions_with(absl::OkStatus());
   now += std::chrono::minutes(1);
   coordinator->tick();

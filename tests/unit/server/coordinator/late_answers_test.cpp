@@ -77,17 +77,17 @@ TEST_F(LateAnswers, EventIsVisibleAfterItsAnswer) {
                                       [&](const auto& job) { has_answer = job.ok(); });
   write_only();
   EXPECT_FALSE(has_answer);
-  EXPECT_TRUE(coordinator->events().read({}, 9).empty());
+  EXPECT_TRUE(coordinator->farm().events().read({}, 9).empty());
   EXPECT_TRUE(coordinator->run_answers(false));
   EXPECT_TRUE(has_answer);
-  EXPECT_EQ(coordinator->events().read({}, 9).size(), 1u);
+  EXPECT_EQ(coordinator->farm().events().read({}, 9).size(), 1u);
 }
 
 TEST_F(LateAnswers, ReaderWhoHasAnswerFindsItsEvent) {
   std::vector<std::size_t> found;  // events that a reader finds
   const auto read = [&] {
     coordinator->queries().after_answers(
-        [&] { found.push_back(coordinator->events().read({}, 9).size()); });
+        [&] { found.push_back(coordinator->farm().events().read({}, 9).size()); });
   };
   read();
   EXPECT_EQ(found, std::vector<std::size_t>{0}) << "at once: there are no answers to wait for";
@@ -105,11 +105,11 @@ TEST_F(LateAnswers, EventsKeepTheirOrder) {
   }
   pump();
   std::int64_t last = 0;
-  for (const Event& event : coordinator->events().read({}, 9)) {
+  for (const Event& event : coordinator->farm().events().read({}, 9)) {
     EXPECT_GT(event.sequence, last);
     last = event.sequence;
   }
-  EXPECT_EQ(coordinator->events().read({}, 9).size(), store.events().newest(9)->size());
+  EXPECT_EQ(coordinator->farm().events().read({}, 9).size(), store.events().newest(9)->size());
 }
 
 TEST_F(LateAnswers, TaskBetweenTransactionsFollowsAnswers) {

@@ -33,7 +33,7 @@ class Accounts : public CoordinatorFixture {
   }
   std::int64_t count(EventKind kind) {
     pump();
-    const auto events = coordinator->events().read({}, 100'000);
+    const auto events = coordinator->farm().events().read({}, 100'000);
     return std::count_if(events.begin(), events.end(),
                          [&](const Event& event) { return event.kind == kind; });
   }

@@ -31,7 +31,7 @@ class ClientSharesTest : public CoordinatorFixture {
   }
 };
 
-TEST_F(ClientSharesTest, SetWeightWinsOverOptionAndOutlivesRestart) {
+TEST_F(ClientSharesTest, SetWeightWinsAndOutlivesRestart) {
   options.policy.share.weights = {{"ann", 2.0}};
   start();
   EXPECT_EQ(listed("ann"), "2.000000 option");
