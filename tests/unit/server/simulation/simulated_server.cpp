@@ -23,8 +23,8 @@ using testing::DiskModel;
 constexpr int kWorkers = 3, kChaosSteps = 250, kCalmSteps = 4000, kSettlingSteps = 200;
 constexpr Duration kLongestStep = std::chrono::milliseconds(450);
 constexpr std::int64_t kSmallIngestBytes = 20'000, kSmallFilmBytes = 100'000;
-constexpr std::size_t kMaxOutbox = 6;
-constexpr int kMaxUnfinishedJobs = 3;  // of an owner
+constexpr std::size_t kMaxOutbox = 10;  // more than a worker is leased when it connects
+constexpr int kMaxUnfinishedJobs = 3;   // of an owner
 constexpr std::int64_t kDayUs = std::int64_t{86'400} * 1'000'000;
 
 /// A disk whose contents are durable.
