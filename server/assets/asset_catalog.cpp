@@ -120,7 +120,7 @@ absl::Status AssetCatalog::release(const std::map<JobKey, std::shared_ptr<const 
       if (found->second.empty()) jobs_.erase(found);
     }
   }
-  const absl::Status status = store_.assets().release({released.begin(), released.end()});
+  absl::Status status = store_.assets().release({released.begin(), released.end()});
   collect();
   return status;
 }
