@@ -50,10 +50,12 @@ measure() {
       --name "sim$i" --workers $((($1 + 1) / 2)) --credits 16 <"$run/hold" >"$run/sim$i.json" 2>"$run/sim$i.log" &
     pids+=($!)
   done
+  local spares=$((${SECONDS_EACH:-20} * 3 / 2 + 2))
   "$BIN/bench_simulated_workers" --server "$address" --certs "$run/certs/worker-w" --token "$(cat "$run/token")" \
-    --name spare --workers $((${SECONDS_EACH:-20} * 3 / 2 + 2)) --credits 1 <"$run/hold" >"$run/spare.json" 2>"$run/spare.log" &
+    --name spare --workers "$spares" --credits 1 <"$run/hold" >"$run/spare.json" 2>"$run/spare.log" &
   pids+=($!)
   exec 3>"$run/hold"
+  until [ "$(grep -c "connected: spare" "$run/server.log")" -ge "$spares" ]; do sleep 0.05; done
   "$BIN/bench_rpc_mix" --server "$address" --certs "$run/certs" --scratch "$run" --tenants "${TENANTS:-5}" \
     --queued "$2" --rate "${RATE:-100}" --seconds "${SECONDS_EACH:-20}" >"$folder/$1-$2.json"
   exec 3>&-
