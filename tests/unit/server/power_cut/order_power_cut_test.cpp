@@ -120,12 +120,12 @@ struct OrderedLife {
 class OrderPowerCut : public ::testing::TestWithParam<bool> {
  protected:
   static void SetUpTestSuite() {
-    pixels_ = {undisturbed_pixels(kSpp), undisturbed_pixels(kMoreSpp)};
-    ASSERT_EQ(pixels_[0].size(), 2u);
-    ASSERT_NE(pixels_[0], pixels_[1]);
+    undisturbed = {undisturbed_pixels(kSpp), undisturbed_pixels(kMoreSpp)};
+    ASSERT_EQ(undisturbed[0].size(), 2u);
+    ASSERT_NE(undisturbed[0], undisturbed[1]);
   }
   static const std::vector<std::string>& expected_pixels(const Facts& facts) {
-    return pixels_.at(facts.exists && facts.spp == kMoreSpp ? 1 : 0);
+    return undisturbed.at(facts.exists && facts.spp == kMoreSpp ? 1 : 0);
   }
 
   static void begin(FarmOnDisk& farm, std::string& job_id) {
@@ -206,7 +206,7 @@ class OrderPowerCut : public ::testing::TestWithParam<bool> {
     return units;
   }
 
-  static inline std::vector<std::vector<std::string>> pixels_;
+  static inline std::vector<std::vector<std::string>> undisturbed;
 };
 
 INSTANTIATE_TEST_SUITE_P(Storage, OrderPowerCut, ::testing::Bool(),
