@@ -13,6 +13,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "client/api/client_certificate.h"
+#include "client/api/server_token.h"
 #include "rpc/backoff.h"
 #include "rpc/channel.h"
 #include "rpc/protocol_version.h"
@@ -35,19 +36,6 @@ constexpr milliseconds kWaitSlice{100};  // after which a wait looks whether it 
 constexpr std::int64_t kChunkBytes = 1 << 20;
 constexpr std::int64_t kSmallUploadBytes = 64 << 10;  // does not delay the answers to pings
 constexpr std::size_t kAssetsPerCall = 10'000;        // 40 bytes each: far below a message's limit
-
-absl::StatusOr<std::string> read_token(const Connection& connection) {
-  if (connection.token_file.empty()) {
-    const char* token = std::getenv("TESSERA_TOKEN");
-    return std::string(token == nullptr ? "" : token);
-  }
-  std::ifstream file(connection.token_file);
-  std::string token;
-  if (!std::getline(file, token)) {
-    return absl::NotFoundError(absl::StrCat(connection.token_file, ": cannot read the token"));
-  }
-  return token;
-}
 
 class Client : public FarmClient {
  public:
@@ -600,7 +588,7 @@ class Client : public FarmClient {
 
 absl::StatusOr<std::unique_ptr<FarmClient>> FarmClient::connect(const Connection& connection) {
   const std::string address = connection.server.empty() ? default_server() : connection.server;
-  auto token = read_token(connection);
+  auto token = read_token(connection.token_file);
   if (!token.ok()) return token.status();
   const auto channel = contract::open_channel(address, connection.certs);
   if (!channel.ok()) return channel.status();

@@ -62,7 +62,7 @@ class Coordinator {
   /// The state of the farm, with its options, metrics and recent events. An event becomes visible
   /// just after the answer to the call that caused it.
   const FarmState& farm() const { return farm_; }
-  /// What the parts keep in memory until it has been written, answered or merged.
+  /// Memory and lengths of the queues of the parts.
   struct MemoryUse {
     std::int64_t ingest_bytes = 0;  // at most FarmOptions::ingest_bytes and a block per stream
     std::int64_t film_bytes = 0;    // at most FarmOptions::film_memory_bytes, or one tile

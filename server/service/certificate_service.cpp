@@ -12,7 +12,7 @@ namespace tessera::server {
 namespace {
 
 constexpr std::size_t kMaxRequestBytes = 16 << 10;
-/// Of one certificate: hosts that share one renew their own copies of it.
+/// Number of times that one certificate may be renewed. Hosts that share it each renew their copy.
 constexpr int kMaxRenewals = 1000;
 
 std::int64_t now_s() {

@@ -45,7 +45,7 @@ inline constexpr LockLevel kFarm ABSL_ACQUIRED_AFTER(kStream){6, "farm"};
 /// State of a part that posts to the pipeline or checks identities: BlockIntake, AuditOutcomes,
 /// the table of open streams.
 inline constexpr LockLevel kPart ABSL_ACQUIRED_AFTER(kFarm){7, "part"};
-/// What waits for the writer and the answering thread: CommitPipeline.
+/// Queues of the writer and the answering thread: CommitPipeline.
 inline constexpr LockLevel kPipeline ABSL_ACQUIRED_AFTER(kPart){8, "pipeline"};
 /// The journal's reader, which hands rows to callers under its lock: Journal.
 inline constexpr LockLevel kJournal ABSL_ACQUIRED_AFTER(kPipeline){9, "journal"};

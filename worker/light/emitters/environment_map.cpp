@@ -78,7 +78,7 @@ EnvironmentMap::Lookup EnvironmentMap::look_up(const Vec3f& d) const {
 void EnvironmentMap::build() {
   const auto w = static_cast<std::size_t>(width_), h = static_cast<std::size_t>(height_);
   row_sines_.resize(h);
-  std::vector<double> texel_angles(h);  // solid angle of a texel of each row
+  std::vector<double> heights(h);  // of the rows on the axis of the sphere, which gives their area
   for (std::int32_t j = 0; j < height_; ++j) {
     const double above = elementary::cos(kPi * j / height_);
     const double below = elementary::cos(kPi * (j + 1) / height_);
@@ -87,7 +87,7 @@ void EnvironmentMap::build() {
     double row = 0;
     for (std::int32_t i = 0; i < width_; ++i) row += luminance(fetch(i, j));
     power_ += row * (above - below) * 2 * kPi / width_;
-    texel_angles[static_cast<std::size_t>(j)] = (above - below) * 2 * kPi / width_;
+    heights[static_cast<std::size_t>(j)] = above - below;
   }
   // Slightly increased, so that rounding gives uniform maps no texel above the mean.
   mean_ = static_cast<float>(power_ / (4 * kPi) * (1 + 0x1p-16));
@@ -100,7 +100,7 @@ void EnvironmentMap::build() {
       cdf[i + 1] = cdf[i] + static_cast<double>(excess(c));
     }
     const double row = cdf[w];
-    excess_power_ += row * texel_angles[j];
+    excess_power_ += row * heights[j] * 2 * kPi / width_;
     row_cdf_[j + 1] = row_cdf_[j] + row * static_cast<double>(row_sines_[j]);
     for (std::size_t i = 1; i <= w; ++i) {
       cdf[i] = row > 0 ? cdf[i] / row : static_cast<double>(i) / width_;

@@ -23,7 +23,7 @@ using testing::DiskModel;
 
 constexpr int kSpp = 16, kMoreSpp = 32;  // pass 0 is the same in both, pass 1 is not
 
-/// What an order can change of the job.
+/// The properties of a job that an order can change.
 struct Facts {
   bool exists = true;
   JobState state = JobState::running;  // also for a queued job

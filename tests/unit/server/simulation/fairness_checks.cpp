@@ -242,7 +242,7 @@ void FairnessChecks::check_windows(Time now) {
       const double difference = used - other_used;
       window.min = std::min(window.min.value_or(difference), difference);
       window.max = std::max(window.max.value_or(difference), difference);
-      // What workers hold, what they bring back and what arrives late, and a unit each.
+      // Units that workers hold, bring back or deliver late, and one more unit for each worker.
       const double outstanding = (3 * workers_.credit_count + workers_.count) * unit_seconds_;
       const double allowed = outstanding * (1 / weight(a) + 1 / weight(b)) * scale(now);
       const double sum = used + other_used;
