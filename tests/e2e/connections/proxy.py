@@ -43,24 +43,7 @@ def forward(source, target, born, is_slow):
             return
 
 
-def abandon(_signal, _frame):
-    global generation
-    generation += 1
-
-
-def lift_rate(_signal, _frame):
-    global rate
-    rate = 0
-
-
-def main():
-    global rate
-    port = int(sys.argv[1])
-    rate = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    signal.signal(signal.SIGUSR1, abandon)
-    signal.signal(signal.SIGUSR2, lift_rate)
-    listener = socket.create_server(("127.0.0.1", 0))
-    print(listener.getsockname()[1], flush=True)
+def accept_connections(listener, port):
     while True:
         client, _ = listener.accept()
         print("connection", file=sys.stderr, flush=True)
@@ -72,6 +55,24 @@ def main():
         for source, target in ((client, server), (server, client)):
             arguments = (source, target, generation, source is server)
             threading.Thread(target=forward, args=arguments, daemon=True).start()
+
+
+def main():
+    global generation, rate
+    port = int(sys.argv[1])
+    rate = int(sys.argv[2]) if len(sys.argv) > 2 else 0
+    # Signals stay blocked and are waited for: a handler would run only once accept() returns if the
+    # signal arrives just before the call.
+    signals = {signal.SIGUSR1, signal.SIGUSR2}
+    signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    listener = socket.create_server(("127.0.0.1", 0))
+    threading.Thread(target=accept_connections, args=(listener, port), daemon=True).start()
+    print(listener.getsockname()[1], flush=True)
+    while True:
+        if signal.sigwait(signals) == signal.SIGUSR1:
+            generation += 1
+        else:
+            rate = 0
 
 
 main()
