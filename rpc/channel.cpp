@@ -1,7 +1,6 @@
 #include "rpc/channel.h"
 
 #include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
 
 #include "absl/status/status.h"
 #include "absl/strings/match.h"
@@ -41,6 +40,12 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& a
   }
   auto credentials = has_tls ? channel_credentials(certs) : grpc::InsecureChannelCredentials();
   if (!credentials.ok()) return credentials.status();
+  return open_channel(address, *credentials, keepalive);
+}
+
+std::shared_ptr<grpc::Channel> open_channel(
+    const std::string& address, const std::shared_ptr<grpc::ChannelCredentials>& credentials,
+    Keepalive keepalive) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
@@ -57,7 +62,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& a
   }
   // By default the channels of a process share connections; a worker needs its own.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel(address, *credentials, arguments);
+  return grpc::CreateCustomChannel(address, credentials, arguments);
 }
 
 bool is_refused_for_now(const grpc::ClientContext& context) {

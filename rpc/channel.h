@@ -2,6 +2,7 @@
 
 #include <grpcpp/channel.h>
 #include <grpcpp/client_context.h>
+#include <grpcpp/security/credentials.h>
 
 #include <chrono>
 #include <cstdint>
@@ -43,6 +44,10 @@ enum class Keepalive : std::uint8_t {
 /// Errors: InvalidArgument, a remote address without certificates; those of channel_credentials().
 absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(
     const std::string& address, const std::string& certs,
+    Keepalive keepalive = Keepalive::interactive);
+/// The same with credentials that channels may share.
+std::shared_ptr<grpc::Channel> open_channel(
+    const std::string& address, const std::shared_ptr<grpc::ChannelCredentials>& credentials,
     Keepalive keepalive = Keepalive::interactive);
 
 /// Sets the deadline that every unary call needs, and the token unless it is empty.

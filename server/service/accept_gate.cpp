@@ -1,7 +1,7 @@
 #include "server/service/accept_gate.h"
 
+#include <linux/tcp.h>
 #include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/resource.h>
@@ -23,6 +23,8 @@ constexpr rlim_t kMaxReserve = 256;  // segments, images, the journal, uploads
 /// Pause after a refused connection, so that a flood does not use up a CPU.
 constexpr int kRefusalPauseMs = 20;
 constexpr std::chrono::seconds kWarningPeriod{10};
+/// While connections wait, the time between two looks for free places.
+constexpr int kAdmissionPeriodMs = 5;
 
 struct HostAndPort {
   std::string host, port;
@@ -158,13 +160,15 @@ void AcceptGate::run() {
   waits.push_back({stop_event_, POLLIN, 0});
   auto next_warning = std::chrono::steady_clock::now();
   while (true) {
-    const int ready = ::poll(waits.data(), waits.size(), refused_count_ == 0 ? -1 : 1000);
+    const int pause = !queue_.empty() ? kAdmissionPeriodMs : refused_count_ > 0 ? 1000 : -1;
+    const int ready = ::poll(waits.data(), waits.size(), pause);
     if (ready < 0 && errno != EINTR) return;
     if ((waits.back().revents & POLLIN) != 0) return;
     bool is_exhausted = false;
     for (std::size_t i = 0; ready > 0 && i < listeners_.size(); ++i) {
       if (waits[i].revents != 0 && accept_from(listeners_[i])) is_exhausted = true;
     }
+    admit();
     const auto now = std::chrono::steady_clock::now();
     if (refused_count_ > 0 && now >= next_warning) {
       report_refused();
@@ -190,17 +194,34 @@ bool AcceptGate::accept_from(int listener) {
       refuse(fd);
       return true;
     }
-    if (connections_ != nullptr) connections_->add(fd, peer, std::chrono::steady_clock::now());
-    Acceptor::NewConnectionParameters connection;
-    connection.listener_fd = listener;
-    connection.fd = fd;
-    acceptor_->HandleNewConnection(&connection);
+    if (connections_ != nullptr) {
+      queue_.add({listener, fd, peer});
+    } else {
+      pass_on({listener, fd, peer});
+    }
   }
+}
+
+void AcceptGate::admit() {
+  if (queue_.empty()) return;
+  const auto now = std::chrono::steady_clock::now();
+  for (const HandshakeQueue::Connection& connection : queue_.admit(now)) {
+    connections_->add(connection.socket, connection.peer, now);
+    pass_on(connection);
+  }
+}
+
+void AcceptGate::pass_on(const HandshakeQueue::Connection& connection) {
+  Acceptor::NewConnectionParameters parameters;
+  parameters.listener_fd = connection.listener;
+  parameters.fd = connection.socket;
+  acceptor_->HandleNewConnection(&parameters);
 }
 
 void AcceptGate::refuse(int fd) {
   ::close(fd);
   ++refused_count_;
+  queue_.drop_one();
   if (connections_ != nullptr) connections_->cut_silent(std::chrono::steady_clock::now());
 }
 

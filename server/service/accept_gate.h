@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/service/handshake_queue.h"
 #include "server/service/quotas/client_connections.h"
 
 namespace tessera::server {
@@ -20,8 +21,9 @@ namespace tessera::server {
 /// gRPC's own listener takes the last descriptor of the process and stops for good when there is
 /// none. This one leaves some to files: a new descriptor has the lowest free number, so a
 /// connection whose number is in the upper part of the limit shows that the lower part is used up.
-/// It is closed at once, before any handshake. Of the accepted connections, only one over which no
-/// caller has made a call is ended then.
+/// It is closed at once, before any handshake. Of the accepted connections, only those over which
+/// no caller has made a call are ended then. If the server tells callers apart, connections that
+/// arrive faster than their handshakes can be made wait in a HandshakeQueue.
 class AcceptGate {
  public:
   using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
@@ -49,6 +51,9 @@ class AcceptGate {
   /// Accepts all pending connections of a listening socket; returns whether descriptors ran out.
   bool accept_from(int listener);
   void refuse(int fd);
+  /// Passes on the waiting connections for which there are places.
+  void admit();
+  void pass_on(const HandshakeQueue::Connection& connection);
   void report_refused();
 
   std::vector<int> listeners_;
@@ -57,6 +62,7 @@ class AcceptGate {
   int first_reserved_ = 0;  // smallest descriptor that is kept for files
   std::unique_ptr<Acceptor> acceptor_;
   ClientConnections* connections_ = nullptr;
+  HandshakeQueue queue_;  // unused if connections_ is null
   std::function<void(const std::string&)> warn_;
   std::int64_t refused_count_ = 0;  // since the last warning
   std::thread thread_;

@@ -102,6 +102,10 @@ void Quarantine::exclude(Worker& worker) {
 void Quarantine::quarantine_witness(const std::string& witness, std::optional<Time> until) {
   const std::set<WorkerKey>& peers = workers_.of_witness(witness);
   if (peers.empty()) return;
+  if (Conduct& conduct = conduct_[witness]; !conduct.quarantined || conduct.quarantined_until) {
+    conduct.quarantined = true;
+    conduct.quarantined_until = until;
+  }
   for (const WorkerKey key : peers) {
     Worker& worker = workers_.at(key);
     const bool is_new = !worker.quarantined;
@@ -124,6 +128,10 @@ void Quarantine::quarantine_witness(const std::string& witness, std::optional<Ti
 void Quarantine::end_quarantine(const std::string& witness) {
   const std::set<WorkerKey>& peers = workers_.of_witness(witness);
   if (peers.empty()) return;
+  if (Conduct& conduct = conduct_[witness]; conduct.quarantined_until) {
+    conduct.quarantined = false;
+    conduct.quarantined_until.reset();
+  }
   for (const WorkerKey key : peers) {
     Worker& worker = workers_.at(key);
     if (!worker.quarantined_until) continue;
@@ -138,13 +146,11 @@ void Quarantine::end_quarantine(const std::string& witness) {
 void Quarantine::set_witness(Worker& worker, std::string witness) {
   if (!worker.witness.empty() && worker.witness != witness) forget_witness(worker);
   worker.witness = std::move(witness);
-  for (const WorkerKey peer : workers_.of_witness(worker.witness)) {
-    const Worker& other = workers_.at(peer);
-    if (!other.quarantined || worker.quarantined) continue;
+  const auto conduct = conduct_.find(worker.witness);
+  if (conduct != conduct_.end() && conduct->second.quarantined && !worker.quarantined) {
     worker.quarantined = true;
-    worker.quarantined_until = other.quarantined_until;
+    worker.quarantined_until = conduct->second.quarantined_until;
     if (worker.quarantined_until) timed_quarantines_.insert(worker.key);
-    break;
   }
   workers_.add_witness(worker);
   if (is_quarantined(worker.id)) {

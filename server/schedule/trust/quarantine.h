@@ -29,6 +29,8 @@ class Quarantine {
   struct Conduct {
     std::set<JobKey> failing_jobs;  // of which they failed units; none was delivered since
     std::int32_t disproved = 0;     // units that they failed and another witness rendered
+    bool quarantined = false;
+    std::optional<Time> quarantined_until;  // empty: until allowed again
   };
   /// Names who answers for the worker. One that shares its witness with a worker that is
   /// quarantined is quarantined likewise.

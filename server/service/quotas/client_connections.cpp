@@ -80,8 +80,15 @@ std::size_t ClientConnections::use(const std::string& client, const std::string&
   const int socket = found->second;
   Connection& connection = sockets_.at(socket);
   if (!connection.client.empty()) return 0;
-  const std::size_t count = count_open(client) + 1;
-  if (limit > 0 && static_cast<double>(count) > limit) {
+  const auto is_above = [limit](std::size_t count) {
+    return limit > 0 && static_cast<double>(count) > limit;
+  };
+  std::size_t count = count_known(client) + 1;
+  if (is_above(count)) {
+    for (const int ended_socket : ended(client)) remove(sockets_.find(ended_socket));
+    count = count_known(client) + 1;
+  }
+  if (is_above(count)) {
     if (!connection.refused) connection.refused = now;
     return count;
   }
@@ -93,17 +100,22 @@ std::size_t ClientConnections::use(const std::string& client, const std::string&
 
 std::size_t ClientConnections::count(const std::string& client) const {
   const MutexLock lock(mutex_);
-  return count_open(client);
+  return count_known(client) - ended(client).size();
 }
 
-std::size_t ClientConnections::count_open(const std::string& client) const {
+std::size_t ClientConnections::count_known(const std::string& client) const {
   const auto found = by_client_.find(client);
-  if (found == by_client_.end()) return 0;
-  std::size_t open = 0;
+  return found == by_client_.end() ? 0 : found->second.size();
+}
+
+std::vector<int> ClientConnections::ended(const std::string& client) const {
+  std::vector<int> sockets;
+  const auto found = by_client_.find(client);
+  if (found == by_client_.end()) return sockets;
   for (const int socket : found->second) {
-    if (socket_inode(socket) == sockets_.at(socket).inode) ++open;
+    if (socket_inode(socket) != sockets_.at(socket).inode) sockets.push_back(socket);
   }
-  return open;
+  return sockets;
 }
 
 void ClientConnections::remove(Sockets::iterator connection) {

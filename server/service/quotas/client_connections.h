@@ -10,6 +10,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "absl/base/thread_annotations.h"
 #include "server/sync/mutex.h"
@@ -34,9 +35,9 @@ class ClientConnections {
   void add(int socket, const sockaddr_storage& peer, Time now);
 
   /// Counts the connection of a call for its caller. `peer`: as of grpc::ServerContext::peer().
-  /// Returns how many connections the client would have: if that is more than `limit` (0:
-  /// unlimited), this one is not counted, and cut_refused() will end it. Returns 0 for a connection
-  /// that was counted before or is unknown.
+  /// Returns how many connections the client would have, including some that have ended unless the
+  /// number is above `limit` (0: unlimited). Above it, this one is not counted, and cut_refused()
+  /// will end it. Returns 0 for a connection that was counted before or is unknown.
   std::size_t use(const std::string& client, const std::string& peer, double limit, Time now);
 
   /// Returns the number of open connections of a client.
@@ -60,7 +61,10 @@ class ClientConnections {
   using Sockets = std::map<int, Connection>;
 
   void remove(Sockets::iterator connection) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  std::size_t count_open(const std::string& client) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Returns the sockets of the client's connections that have ended.
+  std::vector<int> ended(const std::string& client) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Returns the number of the client's connections, including those of ended().
+  std::size_t count_known(const std::string& client) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
   Sockets sockets_

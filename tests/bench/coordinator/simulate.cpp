@@ -89,12 +89,7 @@ int run(const Options& options) {
   for (int i = 0; i < options.workers; ++i) {
     auto channel = own_channel(options.server, credentials);
     if (options.reconnects) {  // the pauses between attempts are those of a real worker
-      auto opened = tessera::contract::open_channel(options.server, options.certs);
-      if (!opened.ok()) {
-        fprintf(stderr, "%s\n", std::string(opened.status().message()).c_str());
-        return 2;
-      }
-      channel = *std::move(opened);
+      channel = tessera::contract::open_channel(options.server, credentials);
     }
     workers.push_back(std::make_unique<SimulatedWorker>(
         std::move(channel),
