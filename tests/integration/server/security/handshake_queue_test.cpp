@@ -112,7 +112,7 @@ TEST_F(Handshakes, NetworkOfIpv6HostIsOneAddress) {
   EXPECT_EQ(admit(), 1u);
 }
 
-TEST_F(Handshakes, ClientThatSentItsCertificateFreesItsPlace) {
+TEST_F(Handshakes, SentCertificateFreesPlace) {
   const int first = connect(), second = connect();
   connect_many(kHalf - 2, "10.0.0.1");
   ASSERT_EQ(admit(), kHalf);
