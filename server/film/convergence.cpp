@@ -39,7 +39,7 @@ bool ClaimedError::is_concentrated() const {
 }
 
 ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingStats& stopping,
-                                     double error) {
+                                     const contract::RenderSettings& settings) {
   ConvergenceResult result;
   const auto add_reason = [&](const std::string& reason) { result.reasons.push_back(reason); };
   if (s.mean_luminance.value_or(0) <= 0) {
@@ -50,6 +50,7 @@ ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingSta
   }
   if (s.clamped_energy > 0) add_reason("--clamp removed radiance");
   const ClaimedError claimed(s);
+  const double error = *settings.error;
   const bool holds = claimed.error_upper95 <= error, is_capped = stopping.capped_tiles > 0;
   if (claimed.is_concentrated() && (!holds || s.denoised)) {
     std::string reason = absl::StrFormat(
@@ -57,6 +58,9 @@ ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingSta
         claimed.n_eff);
     if (stopping.is_futile) {
       absl::StrAppend(&reason, "; the samples left up to --max-spp would not meet the target");
+    }
+    if (!settings.guiding) {
+      absl::StrAppend(&reason, "; --guiding helps with light through glass or narrow openings");
     }
     add_reason(reason);
   }

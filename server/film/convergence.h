@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "contract/render_settings.h"
 #include "server/film/frame_writer.h"
 
 namespace tessera::server {
@@ -40,9 +41,10 @@ struct ClaimedError {
   bool is_concentrated() const;
 };
 
-/// Assesses a finished frame: CONVERGED only if the bound is at most `error` and nothing
-/// invalidates it.
+/// Assesses a finished frame: CONVERGED only if the bound is at most `settings.error` and nothing
+/// invalidates it. Requires: settings.error.
 ConvergenceResult assess_convergence(const FrameStatistics& statistics,
-                                     const StoppingStats& stopping, double error);
+                                     const StoppingStats& stopping,
+                                     const contract::RenderSettings& settings);
 
 }  // namespace tessera::server

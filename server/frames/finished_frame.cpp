@@ -116,8 +116,7 @@ absl::StatusOr<FinishedFrame> write_finished_frame(
   summary.warnings = frame_warnings(result->statistics);
   std::string status = "DONE";
   if (summary.error) {
-    ConvergenceResult convergence =
-        assess_convergence(result->statistics, stopping, *summary.error);
+    ConvergenceResult convergence = assess_convergence(result->statistics, stopping, spec.settings);
     summary.certainty = convergence.certainty;
     summary.reasons = std::move(convergence.reasons);
     status = certainty_name(convergence.certainty);

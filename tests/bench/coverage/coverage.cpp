@@ -145,7 +145,7 @@ absl::StatusOr<Outcome> render_by_error(const SeededRenderer& renderer,
     if (!status.ok()) return status;
   }
   outcome.certainty =
-      server::assess_convergence(statistics, film.stopping(key), *options.settings.error).certainty;
+      server::assess_convergence(statistics, film.stopping(key), options.settings).certainty;
   outcome.estimate = statistics.denoised ? statistics.denoised->error : statistics.estimated.error;
   outcome.upper = server::ClaimedError(statistics).error_upper95;
   outcome.true_square = true_square(image, reference, *m);

@@ -18,31 +18,38 @@ FrameStatistics good() {
   return statistics;
 }
 
+contract::RenderSettings target() {
+  contract::RenderSettings settings;
+  settings.error = 0.1;
+  return settings;
+}
+
 TEST(Certainty, BoundOfDenoisedImageDecides) {
   FrameStatistics statistics = good();
   statistics.estimated.error_upper95 = 0.3;
   statistics.denoised = DenoisedStatistics{0.05, 0.09, 200, 0, {}};
-  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, 0.1).certainty, Certainty::converged);
+  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, target()).certainty,
+            Certainty::converged);
   statistics.denoised->error_upper95 = 0.11;
-  EXPECT_EQ(assess_convergence(statistics, {9, 6, false}, 0.1).certainty, Certainty::capped);
+  EXPECT_EQ(assess_convergence(statistics, {9, 6, false}, target()).certainty, Certainty::capped);
   statistics.denoised = DenoisedStatistics{0.05, 0.09, 20, 0, {}};
-  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, 0.1).certainty, Certainty::uncertain)
+  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, target()).certainty, Certainty::uncertain)
       << "few pixels carry the error of the denoised image";
   statistics.denoised = DenoisedStatistics{0.05, 0.09, 200, 0, {}};
   statistics.estimated.n_eff = 20;
-  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, 0.1).certainty, Certainty::uncertain)
+  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, target()).certainty, Certainty::uncertain)
       << "few pixels carry the error of the raw image";
 }
 
 TEST(Certainty, ConvergedNeedsNoContraryReason) {
-  const ConvergenceResult claim = assess_convergence(good(), {9, 0, false}, 0.1);
+  const ConvergenceResult claim = assess_convergence(good(), {9, 0, false}, target());
   EXPECT_EQ(claim.certainty, Certainty::converged);
   EXPECT_TRUE(claim.reasons.empty());
-  EXPECT_EQ(assess_convergence(good(), {9, 5, false}, 0.1).certainty, Certainty::converged)
+  EXPECT_EQ(assess_convergence(good(), {9, 5, false}, target()).certainty, Certainty::converged)
       << "capped tiles are allowed if the bound is met";
 
   const auto uncertain = [](const FrameStatistics& statistics, const StoppingStats& stopping) {
-    const ConvergenceResult doubtful = assess_convergence(statistics, stopping, 0.1);
+    const ConvergenceResult doubtful = assess_convergence(statistics, stopping, target());
     EXPECT_FALSE(doubtful.reasons.empty());
     return doubtful.certainty == Certainty::uncertain;
   };
@@ -64,9 +71,9 @@ TEST(Certainty, ConvergedNeedsNoContraryReason) {
 TEST(Certainty, CappedOnlyIfBoundIsMissed) {
   FrameStatistics statistics = good();
   statistics.estimated.error_upper95 = 0.11;
-  EXPECT_EQ(assess_convergence(statistics, {9, 3, false}, 0.1).certainty, Certainty::capped);
+  EXPECT_EQ(assess_convergence(statistics, {9, 3, false}, target()).certainty, Certainty::capped);
   statistics.dropped_samples = 1;
-  const ConvergenceResult claim = assess_convergence(statistics, {9, 3, false}, 0.1);
+  const ConvergenceResult claim = assess_convergence(statistics, {9, 3, false}, target());
   EXPECT_EQ(claim.certainty, Certainty::uncertain);
   ASSERT_EQ(claim.reasons.size(), 2u);
   EXPECT_EQ(claim.reasons[1],
@@ -77,16 +84,22 @@ TEST(Certainty, CappedOnlyIfBoundIsMissed) {
 TEST(Certainty, ConcentratedErrorWithWideBoundMayConverge) {
   FrameStatistics statistics = good();
   statistics.estimated.n_eff = 12;
-  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, 0.1).certainty, Certainty::converged);
+  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, target()).certainty,
+            Certainty::converged);
   statistics.estimated.error_upper95 = 0.11;
-  EXPECT_EQ(assess_convergence(statistics, {9, 3, false}, 0.1).certainty, Certainty::uncertain)
+  EXPECT_EQ(assess_convergence(statistics, {9, 3, false}, target()).certainty, Certainty::uncertain)
       << "the bound says little";
-  const ConvergenceResult futile = assess_convergence(statistics, {9, 0, true}, 0.1);
+  const ConvergenceResult futile = assess_convergence(statistics, {9, 0, true}, target());
   EXPECT_EQ(futile.certainty, Certainty::uncertain);
   ASSERT_EQ(futile.reasons.size(), 2u);
   EXPECT_EQ(futile.reasons[0],
             "the error is concentrated in about 12 pixels, too few for a narrow confidence bound; "
-            "the samples left up to --max-spp would not meet the target");
+            "the samples left up to --max-spp would not meet the target; "
+            "--guiding helps with light through glass or narrow openings");
+  contract::RenderSettings guided = target();
+  guided.guiding = true;
+  EXPECT_EQ(assess_convergence(statistics, {9, 3, false}, guided).reasons[0],
+            "the error is concentrated in about 12 pixels, too few for a narrow confidence bound");
 }
 
 TEST(Certainty, NamesRoundTrip) {
