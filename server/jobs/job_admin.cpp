@@ -301,17 +301,6 @@ absl::StatusOr<Event> JobAdmin::removal_of(const std::string& job_id) const {
   return Event{0, 0, EventKind::job_removed, job_id, job->spec->owner, "", ""};
 }
 
-/// Returns the outcome of a removal whose transaction, or what follows it, has failed with
-/// `status`: OK if the rows are gone. The next start deletes what is left of the files.
-absl::Status JobAdmin::after_failure(const std::string& job_id, const absl::Status& status) {
-  const auto removed = store_.jobs().removed_state(job_id);
-  if (!removed.ok() || !removed->has_value()) return status;
-  farm_.log(
-      LogLevel::error,
-      absl::StrCat("job ", job_id, " is removed, but not all of its files: ", status.ToString()));
-  return absl::OkStatus();
-}
-
 /// Removes the rows in one transaction, then the jobs in memory: one whose rows cannot be written
 /// stays listed. Returns the outcome of each.
 std::vector<absl::Status> JobAdmin::remove_now(const std::vector<std::string>& job_ids) {
@@ -326,7 +315,7 @@ std::vector<absl::Status> JobAdmin::remove_now(const std::vector<std::string>& j
   });
   std::map<JobKey, std::shared_ptr<const JobSpec>> removed;
   for (std::size_t i = 0; i < job_ids.size(); ++i) {
-    if (outcomes[i].ok() && !together.ok()) outcomes[i] = after_failure(job_ids[i], together);
+    outcomes[i].Update(together);
     if (!outcomes[i].ok()) continue;
     FarmChange change(farm_);
     const JobKey key = change.find_job(job_ids[i])->key;  // only this thread removes jobs
