@@ -307,12 +307,16 @@ std::vector<absl::Status> JobAdmin::remove_now(const std::vector<std::string>& j
   std::vector<absl::Status> outcomes(job_ids.size());
   const absl::Status together = pipeline_.write_apart([&] {
     for (std::size_t i = 0; i < job_ids.size(); ++i) {
-      const absl::StatusOr<Event> event = removal_of(job_ids[i]);
-      outcomes[i] = event.ok() ? store_.jobs().remove(job_ids[i]) : event.status();
-      if (outcomes[i].ok()) pipeline_.tell(*event);
+      outcomes[i] = events[i].ok() ? store_.jobs().remove(job_ids[i]) : events[i].status();
+      if (outcomes[i].ok()) pipeline_.tell(*events[i]);
     }
     return absl::OkStatus();
   });
+  // Before the transaction, in which nothing should wait for the farm's lock. Only this thread
+  // removes or retries jobs, so that they stay ended.
+  std::vector<absl::StatusOr<Event>> events;
+  events.reserve(job_ids.size());
+  for (const std::string& job_id : job_ids) events.push_back(removal_of(job_id));
   std::map<JobKey, std::shared_ptr<const JobSpec>> removed;
   for (std::size_t i = 0; i < job_ids.size(); ++i) {
     outcomes[i].Update(together);
@@ -330,10 +334,6 @@ std::vector<absl::Status> JobAdmin::remove_now(const std::vector<std::string>& j
 std::shared_ptr<const JobSpec> JobAdmin::forget(FarmChange& change, const std::string& job_id) {
   Job& job = *change.find_job(job_id);
   std::shared_ptr<const JobSpec> spec = job.spec;
-  // A client may have retried it in the meantime.
-  if (!has_ended(job.state)) {
-    change.scheduler().lifecycle().end_job(job, JobState::cancelled, "removed", change.now());
-  }
   finisher_.close_frames(job);
   change.remove_job(job);
   return spec;
