@@ -19,6 +19,8 @@
 
 namespace tessera::server {
 
+/// Errors: FailedPrecondition, the store's data of the job cannot be read.
+absl::Status check_readable(const JobSpec& spec);
 /// Errors: FailedPrecondition, the job's blocks have another render contract: passes and sampling
 /// may differ, and all of a frame must have one contract.
 absl::Status check_render_contract(const JobSpec& spec);
