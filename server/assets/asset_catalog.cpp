@@ -17,10 +17,69 @@ constexpr auto kAssetPin = std::chrono::hours(1);
 bool AssetCatalog::has_asset(const contract::Digest& digest) {
   if (!store_.assets().has(digest)) return false;
   const Time now = farm_.now();
-  const MutexLock lock(mutex_);
-  asked_[digest].time = now;
-  if (asked_.size() > max_asked_) forget_asked(now);
+  {
+    const MutexLock lock(mutex_);
+    asked_[digest].time = now;
+    if (asked_.size() > max_asked_) forget_asked(now);
+  }
+  note_found(digest);
   return true;
+}
+
+/// Returns the jobs whose scenes the asset is a file of.
+std::vector<JobKey> AssetCatalog::jobs_with(const contract::Digest& digest) const {
+  std::vector<JobKey> keys;
+  const auto found = jobs_.find(digest);
+  if (found == jobs_.end()) return keys;
+  for (const auto& [key, is_scene_file] : found->second) {
+    if (is_scene_file) keys.push_back(key);
+  }
+  return keys;
+}
+
+void AssetCatalog::note_lost(const contract::Digest& digest) {
+  mark_lost(digest);
+  if (store_.assets().has(digest)) note_found(digest);  // it was stored since it was asked for
+}
+
+void AssetCatalog::mark_lost(const contract::Digest& digest) {
+  FarmChange change(farm_);
+  std::vector<JobKey> keys;
+  {
+    const MutexLock lock(mutex_);
+    keys = jobs_with(digest);
+    if (!keys.empty()) lost_.insert(digest);
+  }
+  for (const JobKey key : keys) {
+    Job* job = change.scheduler().jobs().find(key);
+    if (job == nullptr || has_ended(job->state)) continue;
+    const auto& assets = job->spec->assets;
+    const auto file = std::find_if(assets.begin(), assets.end(),
+                                   [&](const auto& entry) { return entry.digest == digest; });
+    if (file == assets.end() || job->lost_asset == file->uri) continue;
+    change.scheduler().changes().lose_asset(*job, file->uri);
+    change.log(LogLevel::error,
+               absl::StrCat("job ", job->spec->id, ": the store has lost ", file->uri, ", asset ",
+                            digest.hex(), "; submit the scene again"));
+  }
+}
+
+void AssetCatalog::note_found(const contract::Digest& digest) {
+  {
+    const MutexLock lock(mutex_);
+    if (lost_.count(digest) == 0) return;
+  }
+  FarmChange change(farm_);
+  std::vector<JobKey> keys;
+  {
+    const MutexLock lock(mutex_);
+    lost_.erase(digest);
+    keys = jobs_with(digest);
+  }
+  for (const JobKey key : keys) {
+    Job* job = change.scheduler().jobs().find(key);
+    if (job != nullptr) change.scheduler().changes().find_asset(*job, change.now());
+  }
 }
 
 void AssetCatalog::forget_asked(Time now) {
@@ -117,7 +176,9 @@ absl::Status AssetCatalog::release(const std::map<JobKey, std::shared_ptr<const 
       const auto found = jobs_.find(digest);
       if (found == jobs_.end()) continue;
       found->second.erase(key);
-      if (found->second.empty()) jobs_.erase(found);
+      if (!found->second.empty()) continue;
+      jobs_.erase(found);
+      lost_.erase(digest);
     }
   }
   absl::Status status = store_.assets().release({released.begin(), released.end()});
@@ -145,6 +206,7 @@ void AssetCatalog::add_asset(const contract::Digest& digest, std::string bytes,
       [this, digest, bytes = std::move(bytes)] { return store_.assets().add(digest, bytes); },
       [this, digest, size, done = std::move(done)](const absl::Status& status) {
         if (status.ok()) note_size(digest, size);
+        if (status.ok()) note_found(digest);
         if (is_over_quota()) pipeline_.post([this] { collect(); });
         done(status);
       });
@@ -154,6 +216,7 @@ void AssetCatalog::publish_asset(const std::string& upload_path, const contract:
                                  CommitPipeline::Answer done) {
   pipeline_.post([this, upload_path, digest, done = std::move(done)] {
     const absl::Status status = store_.assets().publish(upload_path, digest);
+    if (status.ok()) note_found(digest);
     collect();
     done(status);
   });

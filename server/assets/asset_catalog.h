@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -44,6 +45,9 @@ class AssetCatalog {
   /// this certificate.
   bool is_leased_asset(const contract::Digest& digest, const std::string& certificate) const
       ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Notes that an asset was asked for and is not in the store: jobs with this scene file are
+  /// leased only to workers that have it, until has_asset() finds it or it is stored again.
+  void note_lost(const contract::Digest& digest) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Errors: FailedPrecondition, an asset that the job refers to is missing; InvalidArgument, it
   /// has another size than the manifest says.
   absl::Status check_present(const JobSpec& spec);
@@ -65,6 +69,10 @@ class AssetCatalog {
  private:
   absl::StatusOr<std::int64_t> size_of(const contract::Digest& digest) ABSL_LOCKS_EXCLUDED(mutex_);
   void note_size(const contract::Digest& digest, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+  std::vector<JobKey> jobs_with(const contract::Digest& digest) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void mark_lost(const contract::Digest& digest) ABSL_LOCKS_EXCLUDED(mutex_);
+  void note_found(const contract::Digest& digest) ABSL_LOCKS_EXCLUDED(mutex_);
   void forget_asked(Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool is_over_quota() const;
   void collect() ABSL_LOCKS_EXCLUDED(mutex_);
@@ -83,7 +91,8 @@ class AssetCatalog {
   std::size_t max_asked_ ABSL_GUARDED_BY(mutex_) = 1000;
   /// Jobs that refer to the asset; true: as a file of their scene, which workers read.
   std::map<contract::Digest, std::map<JobKey, bool>> jobs_ ABSL_GUARDED_BY(mutex_);
-  mutable OwnedAssets owned_ ABSL_GUARDED_BY(mutex_);  // reading it forgets old uploads
+  std::set<contract::Digest> lost_ ABSL_GUARDED_BY(mutex_);  // of jobs_, with note_lost()
+  mutable OwnedAssets owned_ ABSL_GUARDED_BY(mutex_);        // reading it forgets old uploads
 };
 
 }  // namespace tessera::server

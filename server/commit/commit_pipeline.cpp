@@ -262,7 +262,8 @@ void CommitPipeline::post_rows(const FarmView& farm, Round& round) {
     const auto [first, last] = round.answers.equal_range(key);
     for (auto answer = first; answer != last; ++answer) answers.push_back(answer->second);
     const Job* const job = farm.scheduler().jobs().find(key);  // null: removed, it has no row
-    rows.push_back(row_task(key, job == nullptr ? std::nullopt : std::optional(farm.record(*job)),
+    const bool has_row = job != nullptr && !job->spec->is_unreadable;
+    rows.push_back(row_task(key, has_row ? std::optional(farm.record(*job)) : std::nullopt,
                             std::move(answers)));
   }
   for (const auto& [worker_id, joined] : round.roster) {

@@ -72,7 +72,7 @@ absl::Status FarmLoader::load() {
   for (const JobRecord& record : *records) {
     absl::Status status = load_job(change, record);
     if (status.ok()) status = note_removed(change, record.id);
-    if (!status.ok()) leave_out(change, record, status);
+    if (!status.ok()) list_unreadable(change, record, status);
   }
   return load_kept(change);
 }
@@ -91,17 +91,38 @@ absl::Status FarmLoader::load_kept(FarmChange& change) {
   return absl::OkStatus();
 }
 
-/// Leaves out a job of which a row or file cannot be read. Its rows and files stay as they are.
-void FarmLoader::leave_out(FarmChange& change, const JobRecord& record, const absl::Status& fault) {
-  change.log(LogLevel::error,
-             absl::StrCat("job ", record.id, " cannot be loaded: ", std::string(fault.message()),
-                          "; run `tessera-server check` on the stopped store"));
-  Job* job = change.find_job(record.id);
-  if (job == nullptr) return;
-  // Ends its audits.
-  if (!has_ended(job->state)) change.scheduler().lifecycle().fail_job(*job, fault, change.now());
-  parts_.finisher.close_frames(*job);
-  change.remove_job(*job);
+/// Lists a job of which a row or file cannot be read as failed, without what has been loaded of it.
+/// Its rows and files stay as they are, until a user removes it.
+void FarmLoader::list_unreadable(FarmChange& change, const JobRecord& record,
+                                 const absl::Status& fault) {
+  const std::string reason = absl::StrCat(
+      "the server cannot read it: ", std::string(fault.message()),
+      "; `tessera-server check` of the stopped store finds the damage, `tessera remove ", record.id,
+      "` deletes the job");
+  change.log(LogLevel::error, absl::StrCat("job ", record.id, ": ", reason));
+  JobSpec spec;
+  if (Job* loaded = change.find_job(record.id); loaded != nullptr) {
+    spec = *loaded->spec;
+    // Ends its audits.
+    if (!has_ended(loaded->state)) {
+      change.scheduler().lifecycle().fail_job(*loaded, fault, change.now());
+    }
+    parts_.finisher.close_frames(*loaded);
+    change.remove_job(*loaded);
+  }
+  spec.id = record.id;
+  spec.request_id = record.request_id;
+  spec.name = record.name;
+  spec.owner = record.owner;
+  spec.project = record.project;
+  spec.is_unreadable = true;
+  Job& job = change.add_job(record.sequence, std::make_shared<const JobSpec>(std::move(spec)),
+                            JobState::failed);
+  job.reason = reason;
+  job.failure_code = fault.code();
+  job.wall_seconds_before = record.wall_seconds;
+  change.film(job).create_time_us = record.create_time_us;
+  change.film(job).end_time_us = record.end_time_us;  // without end_time: it is not removed by age
 }
 
 absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {

@@ -23,14 +23,14 @@ class FarmLoader {
   };
   explicit FarmLoader(const Parts& parts) : parts_(parts) {}
 
-  /// Loads jobs, units, frames and bans; leaves out a job that cannot be read. Errors: those of the
-  /// store.
+  /// Loads jobs, units, frames and bans. A job that cannot be read fails, in memory only. Errors:
+  /// those of the store.
   absl::Status load();
 
  private:
   absl::Status load_kept(FarmChange& change);
   absl::Status load_job(FarmChange& change, const JobRecord& record);
-  void leave_out(FarmChange& change, const JobRecord& record, const absl::Status& fault);
+  void list_unreadable(FarmChange& change, const JobRecord& record, const absl::Status& fault);
   absl::Status note_removed(FarmChange& change, const std::string& job_id);
   absl::Status load_frames(FarmChange& change, Job& job);
   absl::Status load_units(FarmChange& change, Job& job, const JobRecord& record);

@@ -87,6 +87,12 @@ std::string describe(const JobSpec& spec) {
 
 }  // namespace
 
+absl::Status check_readable(const JobSpec& spec) {
+  if (!spec.is_unreadable) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("job ", spec.id, " cannot be read, only removed; submit it again"));
+}
+
 absl::Status check_render_contract(const JobSpec& spec) {
   if (spec.render_contract == contract::kRenderContract) return absl::OkStatus();
   return absl::FailedPreconditionError(
@@ -126,7 +132,8 @@ absl::Status JobAdmin::apply(FarmChange& change, Job& job, Change what) {
       status = scheduler.lifecycle().resume(job, change.now());
       break;
     case Change::retry:
-      status = check_render_contract(*job.spec);
+      status = check_readable(*job.spec);
+      status.Update(check_render_contract(*job.spec));
       status.Update(check_owners_quota(change, *job.spec, assets_use(job.spec->owner)));
       if (status.ok()) status = scheduler.lifecycle().retry(job, change.now());
       break;
@@ -152,7 +159,8 @@ absl::StatusOr<std::shared_ptr<JobSpec>> JobAdmin::spec_to_extend(
     return absl::FailedPreconditionError(
         absl::StrCat("job ", job_id, " is done and its blocks are deleted; submit a new job"));
   }
-  absl::Status status = check_render_contract(*job->spec);
+  absl::Status status = check_readable(*job->spec);
+  status.Update(check_render_contract(*job->spec));
   if (status.ok()) status = check_extension(job->spec->settings, extension);
   if (!status.ok()) return status;
   auto spec = std::make_shared<JobSpec>(*job->spec);
@@ -259,6 +267,7 @@ absl::StatusOr<JobView> JobAdmin::update_now(const std::string& job_id, const Up
     if (job->state == JobState::done) {
       return absl::FailedPreconditionError(absl::StrCat("job ", job_id, " is done"));
     }
+    if (absl::Status readable = check_readable(*job->spec); !readable.ok()) return readable;
     spec = std::make_shared<JobSpec>(*job->spec);
     apply_update(update, *spec);
     absl::Status exist = check_limits_exist(view, update.limits.value_or(std::vector<LimitUse>{}));
@@ -301,32 +310,25 @@ absl::StatusOr<Event> JobAdmin::removal_of(const std::string& job_id) const {
   return Event{0, 0, EventKind::job_removed, job_id, job->spec->owner, "", ""};
 }
 
-/// Returns the outcome of a removal whose transaction, or what follows it, has failed with
-/// `status`: OK if the rows are gone. The next start deletes what is left of the files.
-absl::Status JobAdmin::after_failure(const std::string& job_id, const absl::Status& status) {
-  const auto removed = store_.jobs().removed_state(job_id);
-  if (!removed.ok() || !removed->has_value()) return status;
-  farm_.log(
-      LogLevel::error,
-      absl::StrCat("job ", job_id, " is removed, but not all of its files: ", status.ToString()));
-  return absl::OkStatus();
-}
-
 /// Removes the rows in one transaction, then the jobs in memory: one whose rows cannot be written
 /// stays listed. Returns the outcome of each.
 std::vector<absl::Status> JobAdmin::remove_now(const std::vector<std::string>& job_ids) {
+  // Before the transaction, in which nothing should wait for the farm's lock. Only this thread
+  // removes or retries jobs, so that they stay ended.
+  std::vector<absl::StatusOr<Event>> events;
+  events.reserve(job_ids.size());
+  for (const std::string& job_id : job_ids) events.push_back(removal_of(job_id));
   std::vector<absl::Status> outcomes(job_ids.size());
   const absl::Status together = pipeline_.write_apart([&] {
     for (std::size_t i = 0; i < job_ids.size(); ++i) {
-      const absl::StatusOr<Event> event = removal_of(job_ids[i]);
-      outcomes[i] = event.ok() ? store_.jobs().remove(job_ids[i]) : event.status();
-      if (outcomes[i].ok()) pipeline_.tell(*event);
+      outcomes[i] = events[i].ok() ? store_.jobs().remove(job_ids[i]) : events[i].status();
+      if (outcomes[i].ok()) pipeline_.tell(*events[i]);
     }
     return absl::OkStatus();
   });
   std::map<JobKey, std::shared_ptr<const JobSpec>> removed;
   for (std::size_t i = 0; i < job_ids.size(); ++i) {
-    if (outcomes[i].ok() && !together.ok()) outcomes[i] = after_failure(job_ids[i], together);
+    outcomes[i].Update(together);
     if (!outcomes[i].ok()) continue;
     FarmChange change(farm_);
     const JobKey key = change.find_job(job_ids[i])->key;  // only this thread removes jobs
@@ -341,10 +343,6 @@ std::vector<absl::Status> JobAdmin::remove_now(const std::vector<std::string>& j
 std::shared_ptr<const JobSpec> JobAdmin::forget(FarmChange& change, const std::string& job_id) {
   Job& job = *change.find_job(job_id);
   std::shared_ptr<const JobSpec> spec = job.spec;
-  // A client may have retried it in the meantime.
-  if (!has_ended(job.state)) {
-    change.scheduler().lifecycle().end_job(job, JobState::cancelled, "removed", change.now());
-  }
   finisher_.close_frames(job);
   change.remove_job(job);
   return spec;

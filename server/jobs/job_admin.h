@@ -19,6 +19,8 @@
 
 namespace tessera::server {
 
+/// Errors: FailedPrecondition, the store's data of the job cannot be read.
+absl::Status check_readable(const JobSpec& spec);
 /// Errors: FailedPrecondition, the job's blocks have another render contract: passes and sampling
 /// may differ, and all of a frame must have one contract.
 absl::Status check_render_contract(const JobSpec& spec);
@@ -80,7 +82,6 @@ class JobAdmin {
                  const std::vector<UnitRecord>& kept, const std::vector<contract::Unit>& redone);
   absl::StatusOr<JobView> update_now(const std::string& job_id, const Update& update);
   absl::StatusOr<Event> removal_of(const std::string& job_id) const;
-  absl::Status after_failure(const std::string& job_id, const absl::Status& status);
   std::vector<absl::Status> remove_now(const std::vector<std::string>& job_ids);
   std::shared_ptr<const JobSpec> forget(FarmChange& change, const std::string& job_id);
   void expire_jobs(FarmChange& change);

@@ -187,7 +187,11 @@ class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse
 
   void start(AssetCatalog& assets, const contract::Digest& digest) {
     io_.post([this, &assets, digest] {
-      if (assets.has_asset(digest)) input_ = assets.open_asset(digest);
+      if (assets.has_asset(digest)) {
+        input_ = assets.open_asset(digest);
+      } else {
+        assets.note_lost(digest);
+      }
       if (input_.ok()) return send_next();
       Finish(
           contract::to_rpc(absl::IsNotFound(input_.status()) ? no_such_asset() : input_.status()));

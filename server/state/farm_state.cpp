@@ -117,7 +117,8 @@ void FarmChange::settle() {
        effects = scheduler().take_effects()) {
     for (EffectHandler* handler : state_.handlers_) handler->carry_out(*this, effects);
     for (const JobKey key : effects.changed) {
-      if (const Job* job = scheduler().jobs().find(key)) note_state(*job);
+      const Job* job = scheduler().jobs().find(key);
+      if (job != nullptr && !job->spec->is_unreadable) note_state(*job);
     }
   }
 }

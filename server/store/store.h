@@ -44,8 +44,8 @@ struct StoreOptions {
   /// Size of the file that is given up to remove jobs when the disk is full (files/ballast.h). A
   /// second one of a quarter of it is given up to start.
   std::int64_t ballast_bytes = std::int64_t{16} << 20;
-  /// Called with a line about a file that does not belong to the store, while it is opened. Empty:
-  /// prints the line to stderr.
+  /// Called with a line about a file that does not belong to the store, while it is opened, and
+  /// about files that cannot be deleted, on the writing thread. Empty: prints the line to stderr.
   std::function<void(const std::string&)> warn;
   /// Called with the duration of each fdatasync of blocks and assets and of each commit of rows, on
   /// any thread. May be empty.

@@ -89,7 +89,7 @@ absl::StatusOr<std::unique_ptr<Store>> DiskStore::open(const std::string& folder
 DiskStore::DiskStore(std::string folder, Filesystem& filesystem, StoreOptions options)
     : options_(std::move(options)),
       folder_(std::move(folder)),
-      files_(filesystem, options_.fatal, options_.synced),
+      files_(filesystem, options_.fatal, options_.synced, options_.warn),
       reserve_(filesystem, folder_, options_.ballast_bytes) {}
 
 absl::Status DiskStore::make_folders() {

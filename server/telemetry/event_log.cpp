@@ -89,6 +89,17 @@ std::vector<Event> EventLog::number(std::vector<Event> events) {
 }
 
 void EventLog::publish(std::vector<Event> events) {
+  if (events.empty()) return;
+  keep(std::move(events));
+  std::set<std::shared_ptr<EventReader>> readers;
+  {
+    const MutexLock lock(mutex_);
+    std::swap(readers, waiting_);
+  }
+  for (const auto& reader : readers) reader->wake();
+}
+
+void EventLog::keep(std::vector<Event> events) {
   const MutexLock lock(mutex_);
   for (Event& event : events) {
     last_sequence_ = event.sequence;
@@ -121,6 +132,18 @@ void EventLog::keep_line(Event line) {
 }
 
 // Reading ----------------------------------------------------------------------------------------
+
+bool EventLog::wake_after(std::int64_t seen, const std::shared_ptr<EventReader>& reader) const {
+  const MutexLock lock(mutex_);
+  if (last_sequence_ > seen) return false;
+  waiting_.insert(reader);
+  return true;
+}
+
+void EventLog::forget_reader(const std::shared_ptr<EventReader>& reader) const {
+  const MutexLock lock(mutex_);
+  waiting_.erase(reader);
+}
 
 std::int64_t EventLog::newest() const {
   const MutexLock lock(mutex_);

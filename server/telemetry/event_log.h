@@ -5,6 +5,8 @@
 #include <deque>
 #include <functional>
 #include <map>
+#include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -16,6 +18,14 @@ namespace tessera::server {
 
 /// Returns the first `max_bytes` bytes of UTF-8 text, without a partial character at the end.
 std::string cut_text(std::string text, std::size_t max_bytes);
+
+/// A reader of the event log that waits for news.
+class EventReader {
+ public:
+  virtual ~EventReader() = default;
+  /// Called once, on any thread, when there are news. Must not wait, and not read the log.
+  virtual void wake() = 0;
+};
 
 /// The newest events and log lines, in memory. An event becomes visible, and gets its sequence,
 /// once it is durable (CommitPipeline), so that no reader sees one that a crash undoes.
@@ -64,12 +74,17 @@ class EventLog {
   /// Merges the lines of the query's job up to a sequence into `events`, which are in order.
   std::vector<Event> with_lines(std::vector<Event> events, const EventQuery& query,
                                 std::int64_t last) const;
+  /// Wakes `reader` when something newer than the sequence `seen` is published. Returns false if it
+  /// is already. A reader waits once; forget_reader() ends it.
+  bool wake_after(std::int64_t seen, const std::shared_ptr<EventReader>& reader) const;
+  void forget_reader(const std::shared_ptr<EventReader>& reader) const;
   /// Sequence of the newest event, even if it is no longer kept.
   std::int64_t newest() const;
   /// Sequence after which all events are in memory.
   std::int64_t complete_after() const;
 
  private:
+  void keep(std::vector<Event> events) ABSL_LOCKS_EXCLUDED(mutex_);
   void keep_line(Event line) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const std::function<std::int64_t()> wall_us_;
@@ -83,6 +98,7 @@ class EventLog {
   std::deque<Event> events_ ABSL_GUARDED_BY(mutex_);
   std::map<std::string, std::deque<Event>> lines_ ABSL_GUARDED_BY(mutex_);  // by job
   std::size_t line_count_ ABSL_GUARDED_BY(mutex_) = 0;
+  mutable std::set<std::shared_ptr<EventReader>> waiting_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace tessera::server

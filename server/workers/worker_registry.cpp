@@ -134,10 +134,11 @@ void WorkerRegistry::begin_draining(Session session) {
   change.scheduler().connections().begin_draining(session.worker);
 }
 
-void WorkerRegistry::return_units(Session session, const std::vector<UnitName>& units) {
+void WorkerRegistry::return_units(Session session, const std::vector<UnitName>& units,
+                                  bool lacks_files) {
   FarmChange change(farm_);
   if (session_worker(change, session) == nullptr) return;
-  change.scheduler().connections().return_units(session.worker, units, change.now());
+  change.scheduler().connections().return_units(session.worker, units, change.now(), lacks_files);
 }
 
 void WorkerRegistry::fail_unit(Session session, const Lease& lease, std::int32_t tile,

@@ -64,7 +64,7 @@ class WorkerRegistry final : public EffectHandler {
   void heartbeat(Session session, const std::vector<UnitName>& started, std::int64_t rss_bytes);
   void grant_credits(Session session, std::int32_t count);
   void begin_draining(Session session);
-  void return_units(Session session, const std::vector<UnitName>& units);
+  void return_units(Session session, const std::vector<UnitName>& units, bool lacks_files = false);
   void fail_unit(Session session, const Lease& lease, std::int32_t tile, Failure failure,
                  absl::StatusCode code);
   void scene_loaded(Session session, const std::string& job_id, const SceneLoad& load);

@@ -172,7 +172,9 @@ class Agent {
       *request.mutable_failure() = std::move(failure);
       connection_.send(std::move(request));
     };
-    callbacks.units_returned = [this](const std::vector<UnitKey>& units) { return_units(units); };
+    callbacks.units_returned = [this](const std::vector<UnitKey>& units) {
+      return_units(units, true);
+    };
     callbacks.scene_loaded = [this](v1::SceneLoaded loaded) {
       metrics_.scene_load_seconds.Observe(loaded.load_seconds() + loaded.build_seconds());
       v1::WorkRequest request;
@@ -359,9 +361,10 @@ class Agent {
     metrics_.ack_latency_seconds.Set(connection_.ack_latency_seconds());
   }
 
-  void return_units(const std::vector<UnitKey>& units) {
+  void return_units(const std::vector<UnitKey>& units, bool lacks_files = false) {
     if (units.empty()) return;
     v1::WorkRequest request;
+    request.mutable_returned()->set_lacks_files(lacks_files);
     for (const UnitKey& key : units) *request.mutable_returned()->add_units() = id_of(key);
     connection_.send(std::move(request));
   }

@@ -63,6 +63,18 @@ void JobChanges::change(Job& job, std::shared_ptr<const JobSpec> spec, Time now)
   dispatcher_.dispatch_all(now);
 }
 
+void JobChanges::lose_asset(Job& job, const std::string& uri) {
+  if (!has_ended(job.state)) job.lost_asset = uri;
+}
+
+void JobChanges::find_asset(Job& job, Time now) {
+  if (job.lost_asset.empty()) return;
+  job.lost_asset.clear();
+  ready_.advance(now);
+  ready_.note_work();
+  dispatcher_.dispatch_all(now);
+}
+
 void JobChanges::set_demand(Job& job, double store_bytes, double samples) {
   if (!has_ended(job.state)) jobs_.count_demand(job, -1);
   job.demand = {1, store_bytes, samples};

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 
 #include "server/schedule/leasing/dependency_checks.h"
 #include "server/schedule/leasing/dispatcher.h"
@@ -32,6 +33,11 @@ class JobChanges {
   /// ones and the same settings. Units already leased are rendered, but for those that a blocked
   /// worker has not started.
   void change(Job& job, std::shared_ptr<const JobSpec> spec, Time now);
+  /// Leases units of a job only to workers that are known to have its scene, because the store has
+  /// lost the file `uri` of it; others would return the units at once.
+  void lose_asset(Job& job, const std::string& uri);
+  /// Leases them to all workers again. Does nothing for a job that lacks no file.
+  void find_asset(Job& job, Time now);
   /// Sets the upper bound of the job's needs.
   void set_demand(Job& job, double store_bytes, double samples);
 

@@ -28,7 +28,9 @@ WaitReason WaitReasons::wait_reason(const Job& job) const {
   if (counts_.present().find(requirement(job.spec->pool, "")) == nullptr)
     return WaitReason::no_pool;
   if (counts_.present().find(tag) == nullptr) return WaitReason::no_tag;
-  if (!witnesses_.has_witness_beyond(job, {})) return WaitReason::blocked;
+  if (!witnesses_.has_witness_beyond(job, {})) {
+    return job.lost_asset.empty() ? WaitReason::blocked : WaitReason::lost_asset;
+  }
   if (!job.is_runnable() || !job.holders.empty()) return WaitReason::none;
   if (absences_.is_grace(ready_.now())) return WaitReason::restart;
   if (ready_.limited().limits().room(job.spec->limits) == 0) return WaitReason::limit;
@@ -53,6 +55,9 @@ std::string WaitReasons::wait_text(const Job& job) const {
     case WaitReason::blocked:
       return absl::StrCat("all connected workers that could render it are blocked for it; ",
                           "`tessera workers unblock WORKER --job ", job.spec->id, "` unblocks one");
+    case WaitReason::lost_asset:
+      return absl::StrCat("the store has lost its scene file ", job.lost_asset,
+                          "; submit the scene again");
     case WaitReason::no_workers:
       return "no workers connected";
     case WaitReason::dependency:

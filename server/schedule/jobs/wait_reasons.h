@@ -18,6 +18,7 @@ enum class WaitReason : std::uint8_t {
   no_pool,       // no worker in the pool
   no_tag,        // no worker in the pool with the required tag
   blocked,       // all workers in the pool with the tag are blocked for it
+  lost_asset,    // the store has lost a file of its scene, which no worker has
   restart,       // after a restart, workers that hold leases may come back
   limit,         // all units of a limit are in use
   priority,      // jobs of higher priority go first

@@ -19,6 +19,7 @@ bool has_frame_dependency(const JobSpec& spec) {
 
 DependencyState DependencyChecks::state_of(const Dependency& dependency) const {
   if (const Job* other = jobs_.find(dependency.job_id)) {
+    if (other->spec->is_unreadable) return DependencyState::waiting;  // how it ended is not known
     return server::state_of(dependency.kind, other->state, false);
   }
   const auto removed = dependencies_.removed_state(dependency.job_id);
@@ -31,7 +32,9 @@ bool DependencyChecks::is_frame_blocked(const Job& job, std::int32_t frame) cons
                      [&](const Dependency& dependency) {
                        if (dependency.kind != kFrames) return false;
                        const Job* other = jobs_.find(dependency.job_id);
-                       if (other == nullptr) return state_of(dependency) != DependencyState::met;
+                       if (other == nullptr || other->spec->is_unreadable) {
+                         return state_of(dependency) != DependencyState::met;
+                       }
                        if (other->state == JobState::done) return false;
                        return !other->plan || !other->plan->is_finished(frame);
                      });
@@ -88,7 +91,9 @@ std::string DependencyChecks::dependency_text(const Job& job) const {
       continue;
     }
     const std::string name = absl::StrCat("job ", dependency.job_id);
-    if (other == nullptr) return absl::StrCat("waits for ", name, ", which the server cannot read");
+    if (other == nullptr || other->spec->is_unreadable) {
+      return absl::StrCat("waits for ", name, ", which the server cannot read");
+    }
     if (is_frames && other->state == JobState::done) continue;  // other frames wait for another job
     if (has_ended(other->state)) {
       return absl::StrCat("waits for ", name, ", which is ", state_name(other->state),

@@ -116,7 +116,7 @@ bool Dispatcher::lease_audit_of(const AuditQueue::Groups& groups, Worker& worker
       counts_.note_step();
       Job& job = jobs_.at(key);
       Audit& audit = job.audits.at(unit);
-      if (ready_.limited().limits().room(job.spec->limits) == 0) continue;
+      if (ready_.limited().limits().room(job.spec->limits) == 0 || is_barred(worker, job)) continue;
       if (witnesses_.may_audit(worker, job, audit)) {
         grants_.lease_audit(job, unit, worker);
         return true;

@@ -12,7 +12,7 @@ bool JobChoice::may_work_for(const Worker& worker, const Job& job) const {
   const JobSpec& spec = *job.spec;
   if (worker.serves.count(job.requirement) == 0 || ready_.limited().limits().room(spec.limits) == 0)
     return false;
-  if (spec.blocked_workers.count(worker.id) > 0) return false;
+  if (is_barred(worker, job)) return false;
   return spec.max_workers == 0 || job.holders.count(worker.key) > 0 ||
          static_cast<std::int32_t>(job.holders.size()) < spec.max_workers;
 }
@@ -53,11 +53,6 @@ JobKey JobChoice::choose_job(const Worker& worker, const std::set<JobKey>& refus
   const bool equal =
       chosen.priority == current->spec->priority && chosen.owner == current->spec->owner;
   return equal ? current->key : next;  // the worker has its scene
-}
-
-/// Returns whether this worker is known to have the files of the job's scene.
-bool JobChoice::has_scene(const Worker& worker, const Job& job) {
-  return std::find(worker.scenes.begin(), worker.scenes.end(), job.scene) != worker.scenes.end();
 }
 
 /// Returns whether a worker renders the job, or has credits and its scene.

@@ -30,7 +30,6 @@ class JobChoice {
   JobKey choose_job(const Worker& worker, const std::set<JobKey>& refused);
 
  private:
-  static bool has_scene(const Worker& worker, const Job& job);
   bool has_enough_workers(const Job& job) const;
   bool precedes(const Job& job, const Job& other) const;
   JobKey next_full_job(const Worker& worker, const std::function<bool(JobKey)>& may) const;

@@ -112,9 +112,11 @@ struct Job {
   std::vector<FailedAttempt> failed_attempts;  // because of which it has failed or is paused
   std::int64_t unit_count = 0;                 // of the whole job
   std::int32_t frame_count = 0;
-  std::optional<JobPlan> plan;            // created by the first lease
-  bool is_blocked = false;                // by another job: none of its units may be leased
-  bool is_over_budget = false;            // likewise, by a budget
+  std::optional<JobPlan> plan;  // created by the first lease
+  bool is_blocked = false;      // by another job: none of its units may be leased
+  bool is_over_budget = false;  // likewise, by a budget
+  /// URI of a scene file that the store has lost; empty: none. See JobChanges::lose_asset().
+  std::string lost_asset;
   std::set<std::int32_t> blocked_frames;  // each by the same frame of another job
   std::map<contract::Unit, UnitFailures> unit_failures;
   /// By frame: reports that its scene is at fault, at most one by each witness.

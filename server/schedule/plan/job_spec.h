@@ -110,6 +110,9 @@ struct JobSpec {
   std::string request;                       // the serialised request; opaque here
   /// Contract of its blocks; all blocks of a job have the same one.
   std::int32_t render_contract = contract::kRenderContract;
+  /// The store's row or files of the job cannot be read. It is listed as failed and can only be
+  /// removed; its row is left as it is, for a repaired store or another version of the server.
+  bool is_unreadable = false;
 
   /// Returns what a worker must serve to render the job; see requirement().
   std::string requirement() const { return server::requirement(pool, required_tag); }

@@ -83,13 +83,16 @@ void Connections::begin_draining(WorkerKey key) {
   counts_.recount(*worker);
 }
 
-void Connections::return_units(WorkerKey key, const std::vector<UnitName>& units, Time now) {
+void Connections::return_units(WorkerKey key, const std::vector<UnitName>& units, Time now,
+                               bool lacks_files) {
   Worker* worker = workers_.find(key);
   if (worker == nullptr) return;
   ready_.advance(now);
   for (const UnitName& name : units) {
     Job* job = jobs_.find(name.job_id);
-    if (job != nullptr && job->plan) leases_.release(*job, *worker, name.unit);
+    if (job == nullptr) continue;
+    if (lacks_files) scenes_.forget(*worker, job->scene);
+    if (job->plan) leases_.release(*job, *worker, name.unit);
   }
   dispatcher_.dispatch_all(now);
 }

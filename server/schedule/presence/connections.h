@@ -48,8 +48,10 @@ class Connections {
   void grant_credits(WorkerKey key, std::int32_t count, Time now);
   /// Leases the worker nothing more; it finishes the units that it has.
   void begin_draining(WorkerKey key);
-  /// The worker returned units that it had not started.
-  void return_units(WorkerKey key, const std::vector<UnitName>& units, Time now);
+  /// The worker returned units that it had not started. `lacks_files`: because it could not fetch
+  /// the scenes of their jobs.
+  void return_units(WorkerKey key, const std::vector<UnitName>& units, Time now,
+                    bool lacks_files = false);
   void scene_loaded(WorkerKey key, const std::string& job_id, const SceneLoad& load);
   void acknowledge(WorkerKey key, Acknowledgement acknowledgement);
 

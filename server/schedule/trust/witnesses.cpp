@@ -6,13 +6,21 @@ namespace tessera::server {
 
 using contract::Unit;
 
+bool has_scene(const Worker& worker, const Job& job) {
+  return std::find(worker.scenes.begin(), worker.scenes.end(), job.scene) != worker.scenes.end();
+}
+
+bool is_barred(const Worker& worker, const Job& job) {
+  return job.spec->blocked_workers.count(worker.id) > 0 ||
+         (!job.lost_asset.empty() && !has_scene(worker, job));
+}
+
 bool Witnesses::could_audit(const Worker& worker, const Job& job) const {
-  return worker.is_present && worker.serves.count(job.requirement) > 0 &&
-         job.spec->blocked_workers.count(worker.id) == 0;
+  return worker.is_present && worker.serves.count(job.requirement) > 0 && !is_barred(worker, job);
 }
 
 bool Witnesses::has_witness_beyond(const Job& job, const std::set<std::string>& asked) const {
-  if (job.spec->blocked_workers.empty()) {
+  if (job.spec->blocked_workers.empty() && job.lost_asset.empty()) {
     return counts_.present().has_witness_beyond(job.requirement, asked);
   }
   return std::any_of(workers_.all().begin(), workers_.all().end(), [&](const auto& entry) {
@@ -25,8 +33,7 @@ bool Witnesses::has_others(const Job& job, const Audit& audit) const {
   if (!audit.is_disputed() || !absences_.last_tick()) return false;
   return std::any_of(workers_.all().begin(), workers_.all().end(), [&](const auto& entry) {
     const Worker& worker = entry.second;
-    return worker.may_return() && job.spec->blocked_workers.count(worker.id) == 0 &&
-           !audit.has_answered(worker.witness) &&
+    return worker.may_return() && !is_barred(worker, job) && !audit.has_answered(worker.witness) &&
            *absences_.last_tick() - worker.last_contact < policy_.audit_timeout;
   });
 }
@@ -37,8 +44,7 @@ bool Witnesses::has_others(const Job& job, const std::set<std::string>& asked) c
   return std::any_of(workers_.all().begin(), workers_.all().end(), [&](const auto& entry) {
     const Worker& worker = entry.second;
     return worker.may_return() && asked.count(worker.witness) == 0 &&
-           worker.serves.count(job.requirement) > 0 &&
-           job.spec->blocked_workers.count(worker.id) == 0 &&
+           worker.serves.count(job.requirement) > 0 && !is_barred(worker, job) &&
            ready_.now() - worker.last_contact < policy_.audit_timeout;
   });
 }
@@ -78,7 +84,7 @@ std::set<std::string> Witnesses::failed_witnesses(const Job& job, const Unit& un
   return witnesses;
 }
 
-/// Returns whether a worker of the witness is present and not blocked for the job.
+/// Returns whether a worker of the witness is present and not barred from the job.
 bool Witnesses::has_unblocked_witness(const Job& job, const std::string& witness) const {
   const std::set<WorkerKey>& peers = workers_.of_witness(witness);
   return std::any_of(peers.begin(), peers.end(),

@@ -7,6 +7,12 @@
 
 namespace tessera::server {
 
+/// Returns whether the worker is known to have the files of the job's scene.
+bool has_scene(const Worker& worker, const Job& job);
+/// Returns whether the worker is leased nothing of the job: it is blocked for it, or it would have
+/// to fetch a file that the store has lost.
+bool is_barred(const Worker& worker, const Job& job);
+
 /// Finds independent workers that could render a unit or decide an audit. Workers with one
 /// certificate are one witness, so that no operator confirms its own results.
 class Witnesses {
@@ -20,7 +26,7 @@ class Witnesses {
 
   /// Returns whether the worker could be leased units of the job, apart from its current load.
   bool could_audit(const Worker& worker, const Job& job) const;
-  /// Returns whether a worker that is present, and not blocked for the job, has another witness
+  /// Returns whether a worker that is present, and not barred from the job, has another witness
   /// than these.
   bool has_witness_beyond(const Job& job, const std::set<std::string>& asked) const;
   /// Returns whether a witness that was not asked yet could be. In a dispute this includes one

@@ -8,15 +8,20 @@ void LoadedScenes::remember(Worker& worker, const SceneKey& scene) {
   worker.scenes.insert(worker.scenes.begin(), scene);
   workers_[scene].insert(worker.key);
   if (worker.scenes.size() <= kMaxScenes) return;
-  forget(worker, worker.scenes.back());
+  erase(worker, worker.scenes.back());
   worker.scenes.pop_back();
 }
 
 void LoadedScenes::forget(const Worker& worker) {
-  for (const SceneKey& scene : worker.scenes) forget(worker, scene);
+  for (const SceneKey& scene : worker.scenes) erase(worker, scene);
 }
 
-void LoadedScenes::forget(const Worker& worker, const SceneKey& scene) {
+void LoadedScenes::forget(Worker& worker, const SceneKey& scene) {
+  std::erase(worker.scenes, scene);
+  erase(worker, scene);
+}
+
+void LoadedScenes::erase(const Worker& worker, const SceneKey& scene) {
   const auto workers = workers_.find(scene);
   if (workers == workers_.end()) return;
   workers->second.erase(worker.key);

@@ -14,10 +14,12 @@ class LoadedScenes {
   void remember(Worker& worker, const SceneKey& scene);
   /// Forgets all scenes of the worker.
   void forget(const Worker& worker);
+  /// Forgets one: the worker lacks files of it.
+  void forget(Worker& worker, const SceneKey& scene);
   const std::set<WorkerKey>& workers_with(const SceneKey& scene) const;
 
  private:
-  void forget(const Worker& worker, const SceneKey& scene);
+  void erase(const Worker& worker, const SceneKey& scene);
 
   std::map<SceneKey, std::set<WorkerKey>> workers_;
   std::set<WorkerKey> none_;  // what workers_with() returns for an unknown scene

@@ -1,6 +1,9 @@
 #include "server/service/streams/event_stream.h"
 
+#include <algorithm>
 #include <chrono>
+#include <memory>
+#include <vector>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/strings/str_cat.h"
@@ -12,10 +15,32 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::chrono::milliseconds kEventPoll{100};
+/// Pause after a message, so that the events of a busy farm are sent many at a time.
+constexpr std::chrono::milliseconds kPause{100};
+/// Time after which a stream without events checks whether its caller is still allowed.
+constexpr std::chrono::milliseconds kRecheck{1000};
 constexpr std::size_t kEventsPerMessage = 256;
 
-/// Polls with a timer and sends new events. Those that are no longer in memory are read from the
+class EventStream;
+
+/// Wakes the stream until that is done.
+class StreamReader final : public EventReader {
+ public:
+  explicit StreamReader(EventStream& stream) : stream_(&stream) {}
+  void wake() override;
+  void detach() {
+    const MutexLock lock(mutex_);
+    stream_ = nullptr;
+  }
+
+ private:
+  /// Held during calls of the stream, so that it is not destroyed.
+  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kConnection)
+      ABSL_ACQUIRED_BEFORE(lock_order::kStream){lock_order::kConnection};
+  EventStream* stream_ ABSL_GUARDED_BY(mutex_);
+};
+
+/// Sends new events when there are some. Those that are no longer in memory are read from the
 /// store, on a thread for files.
 class EventStream final : public PollingStream<v1::WatchEventsResponse> {
  public:
@@ -39,10 +64,22 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
 
   void OnWriteDone(bool ok) override {
     const MutexLock lock(mutex_);
-    poll_unless_cancelled(ok);
+    const bool has_more = response_.events_size() == static_cast<int>(kEventsPerMessage);
+    if (!ok || !follow_ || has_more) return poll_unless_cancelled(ok);
+    wait(kPause);
+  }
+
+  void wake() {
+    const MutexLock lock(mutex_);
+    poll_now();
   }
 
  private:
+  void detach() override {
+    reader_->detach();
+    coordinator_.farm().events().forget_reader(reader_);
+  }
+
   void start() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     const std::int64_t newest = coordinator_.farm().events().newest();
     if (query_.after <= newest) return poll_unless_cancelled(true);
@@ -62,7 +99,13 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
     if (query_.after < coordinator_.farm().events().complete_after()) {
       return io_.post([this, query = query_] { read_stored(query); });
     }
-    send(coordinator_.farm().events().read(query_, kEventsPerMessage));
+    const std::int64_t newest = coordinator_.farm().events().newest();
+    const auto events = coordinator_.farm().events().read(query_, kEventsPerMessage);
+    if (!events.empty()) return send(events);
+    if (!follow_) return finish(absl::OkStatus());
+    query_.after = std::max(query_.after, newest);  // the others are not for this stream
+    const bool waits = coordinator_.farm().events().wake_after(newest, reader_);
+    wait(waits ? kRecheck : kPause);
   }
 
   /// Reads events up to those that are in memory.
@@ -81,8 +124,8 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
     poll_unless_cancelled(true);
   }
 
+  /// Requires events.
   void send(const std::vector<Event>& events) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    if (events.empty()) return follow_ ? wait(kEventPoll) : finish(absl::OkStatus());
     query_.after = events.back().sequence;
     response_.Clear();
     for (const Event& event : events) *response_.add_events() = to_message(event);
@@ -96,7 +139,13 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
   const bool follow_;
   EventQuery query_ ABSL_GUARDED_BY(mutex_);
   v1::WatchEventsResponse response_ ABSL_GUARDED_BY(mutex_);
+  const std::shared_ptr<StreamReader> reader_ = std::make_shared<StreamReader>(*this);
 };
+
+void StreamReader::wake() {
+  const MutexLock lock(mutex_);
+  if (stream_ != nullptr) stream_->wake();
+}
 
 }  // namespace
 

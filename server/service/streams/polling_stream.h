@@ -12,8 +12,8 @@
 
 namespace tessera::server {
 
-/// Base of server streams that poll with a timer and send what has changed. Deletes itself when the
-/// call is done.
+/// Base of server streams that poll with a timer, or when they are woken, and send what has
+/// changed. Deletes itself when the call is done.
 template <typename Response>
 class PollingStream : public grpc::ServerWriteReactor<Response> {
  public:
@@ -25,6 +25,7 @@ class PollingStream : public grpc::ServerWriteReactor<Response> {
   }
 
   void OnDone() final {  // NOLINT(readability-identifier-naming)
+    detach();
     { const MutexLock lock(mutex_); }
     delete this;
   }
@@ -32,6 +33,9 @@ class PollingStream : public grpc::ServerWriteReactor<Response> {
  protected:
   /// Starts a write, calls wait() or calls finish().
   virtual void poll() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
+
+  /// Called without locks before the stream is deleted: nothing may wake it afterwards.
+  virtual void detach() {}
 
   /// Finishes the call if the client has disconnected or `ok` is false, else polls.
   void poll_unless_cancelled(bool ok) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
@@ -49,6 +53,9 @@ class PollingStream : public grpc::ServerWriteReactor<Response> {
       poll_unless_cancelled(true);
     });
   }
+
+  /// Polls soon if the stream waits, on a thread of gRPC.
+  void poll_now() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { alarm_.Cancel(); }
 
   void finish(const absl::Status& status) { this->Finish(contract::to_rpc(status)); }
 

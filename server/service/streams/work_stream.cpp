@@ -233,7 +233,8 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
         take_failure(session, request_.failure());
         break;
       case v1::WorkRequest::kReturned:
-        coordinator_.workers().return_units(session, unit_names(request_.returned().units()));
+        coordinator_.workers().return_units(session, unit_names(request_.returned().units()),
+                                            request_.returned().lacks_files());
         break;
       case v1::WorkRequest::kDraining:
         coordinator_.workers().begin_draining(session);

@@ -155,11 +155,12 @@ absl::Status DiskAssets::add(const contract::Digest& digest, std::string_view by
                         {blob_of(digest), Blob{bytes}});
   });
   if (!status.ok()) return status;
-  return journal_.after_write([this, before, after, digest] {
+  journal_.after_write([this, before, after, digest] {
     count(before, after);
     const bool has_lost_file = before.is_file() && !after.is_file();
-    return has_lost_file ? files_.filesystem().remove(path(digest)) : absl::OkStatus();
+    if (has_lost_file) files_.note_deletion(files_.filesystem().remove(path(digest)));
   });
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::string> DiskAssets::new_upload_path() {
@@ -254,9 +255,10 @@ absl::Status DiskAssets::collect(std::int64_t now_us, std::int64_t quota_bytes,
   if (!status.ok()) return status;
   for (const Victim& victim : *victims) {
     count(victim.rows, {});
-    if (victim.rows.is_file()) status.Update(files_.filesystem().remove(path(victim.digest)));
+    if (victim.rows.is_file())
+      files_.note_deletion(files_.filesystem().remove(path(victim.digest)));
   }
-  return status;
+  return absl::OkStatus();
 }
 
 }  // namespace tessera::server

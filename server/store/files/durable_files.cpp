@@ -9,8 +9,12 @@
 namespace tessera::server {
 
 DurableFiles::DurableFiles(Filesystem& filesystem, std::function<void(const std::string&)> fatal,
-                           std::function<void(double seconds)> synced)
-    : filesystem_(filesystem), fatal_(std::move(fatal)), synced_(std::move(synced)) {}
+                           std::function<void(double seconds)> synced,
+                           std::function<void(const std::string&)> warn)
+    : filesystem_(filesystem),
+      fatal_(std::move(fatal)),
+      synced_(std::move(synced)),
+      warn_(std::move(warn)) {}
 
 absl::Status DurableFiles::check_healthy() const {
   const MutexLock lock(mutex_);
@@ -69,6 +73,12 @@ absl::Status DurableFiles::remove_folder(const std::string& path) {
     durable_folders_.erase(path);
   }
   return filesystem_.remove(path);
+}
+
+void DurableFiles::note_deletion(const absl::Status& outcome) const {
+  if (outcome.ok() || !warn_) return;
+  warn_(absl::StrCat("files that are no longer needed remain until the next start: ",
+                     std::string(outcome.message())));
 }
 
 }  // namespace tessera::server

@@ -19,9 +19,11 @@ namespace tessera::server {
 class DurableFiles {
  public:
   /// `fatal` is called with a message when a sync fails and must not return; if it does, in a test,
-  /// all later writes fail. `synced` is called with the duration of each sync of a file or journal.
+  /// all later writes fail. `synced` is called with the duration of each sync of a file or journal,
+  /// `warn` with a line about files that could not be deleted.
   DurableFiles(Filesystem& filesystem, std::function<void(const std::string&)> fatal,
-               std::function<void(double seconds)> synced = {});
+               std::function<void(double seconds)> synced = {},
+               std::function<void(const std::string&)> warn = {});
 
   Filesystem& filesystem() { return filesystem_; }
 
@@ -42,11 +44,15 @@ class DurableFiles {
   absl::Status ensure_folder(const std::string& parent, const std::string& name);
   /// Deletes a directory of files; succeeds if it is missing. Not durable: callers can repeat it.
   absl::Status remove_folder(const std::string& path);
+  /// Warns if files to which no row points any more could not be deleted. That is no failure of the
+  /// write before it, which is durable: they are orphans, which the next start deletes.
+  void note_deletion(const absl::Status& outcome) const;
 
  private:
   Filesystem& filesystem_;
   std::function<void(const std::string&)> fatal_;
   std::function<void(double seconds)> synced_;
+  std::function<void(const std::string&)> warn_;
   mutable Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kLeaf);
   bool broken_ ABSL_GUARDED_BY(mutex_) = false;
   std::unordered_set<std::string> durable_folders_ ABSL_GUARDED_BY(mutex_);

@@ -117,11 +117,12 @@ absl::Status FrameRows::write_frame(std::int64_t job, const FrameRecord& frame,
     return written;
   });
   if (!status.ok()) return status;
-  return journal_.after_write([this, path = image.path, is_lost = !is_file && replaced > 0,
-                               gained = image.file_bytes - replaced] {
+  journal_.after_write([this, path = image.path, is_lost = !is_file && replaced > 0,
+                        gained = image.file_bytes - replaced] {
     file_bytes_ += gained;
-    return is_lost ? files_.filesystem().remove(path) : absl::OkStatus();
+    if (is_lost) files_.note_deletion(files_.filesystem().remove(path));
   });
+  return absl::OkStatus();
 }
 
 absl::Status FrameRows::update_statistics(const std::string& job_id, std::int32_t frame,
@@ -173,9 +174,9 @@ absl::StatusOr<std::int64_t> FrameRows::file_bytes_of(std::int64_t job) const {
   return sum_bytes(journal_, "SELECT TOTAL(bytes) FROM frames WHERE job=?", job);
 }
 
-absl::Status FrameRows::remove_files(const std::string& job_id, std::int64_t bytes) {
+void FrameRows::remove_files(const std::string& job_id, std::int64_t bytes) {
   file_bytes_ -= bytes;
-  return files_.remove_folder(absl::StrCat(folder_, "/", job_id));
+  files_.note_deletion(files_.remove_folder(absl::StrCat(folder_, "/", job_id)));
 }
 
 }  // namespace tessera::server

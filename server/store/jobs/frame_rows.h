@@ -45,7 +45,7 @@ class FrameRows final : public FrameStore {
   /// Returns the size of a job's files. `job`: JobKey::sequence. On the writing thread.
   absl::StatusOr<std::int64_t> file_bytes_of(std::int64_t job) const;
   /// Deletes the outputs of a job whose rows are deleted; `bytes`: size of its files.
-  absl::Status remove_files(const std::string& job_id, std::int64_t bytes);
+  void remove_files(const std::string& job_id, std::int64_t bytes);
 
  private:
   /// The image of a finished frame.

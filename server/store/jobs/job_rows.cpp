@@ -115,12 +115,12 @@ absl::Status JobRows::remove(const std::string& job_id) {
   if (!status.ok()) return status;
   ++removed_count_;
   drop_old_rows().IgnoreError();  // on a full disk, a later removal does it
-  return journal_.after_write([this, job_id, units = *unit_bytes, frames = *frame_bytes] {
-    absl::Status removed = units_.remove_files(job_id, units);
-    removed.Update(frames_.remove_files(job_id, frames));
+  journal_.after_write([this, job_id, units = *unit_bytes, frames = *frame_bytes] {
+    units_.remove_files(job_id, units);
+    frames_.remove_files(job_id, frames);
     reserve_.set_up();
-    return removed;
   });
+  return absl::OkStatus();
 }
 
 /// Deletes the rows of the jobs that were submitted first of those that are removed, once there are

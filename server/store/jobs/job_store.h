@@ -46,7 +46,8 @@ class JobStore {
                                const std::vector<contract::Unit>& dropped) = 0;
   /// Deletes the job's rows, segments and outputs. Of the newest removed jobs
   /// (StoreOptions::max_removed_jobs, and up to 5 % more) the IDs stay reserved, and the accounts
-  /// name the jobs; of older ones only the usage stays. Errors: NotFound.
+  /// name the jobs; of older ones only the usage stays. Files that cannot be deleted are orphans,
+  /// which the next open deletes. Errors: NotFound.
   virtual absl::Status remove(const std::string& job_id) = 0;
 
   /// Returns all jobs in order of sequence.

@@ -88,10 +88,8 @@ absl::Status UnitRows::commit(std::vector<Commit>& group) {
     job_bytes_[commit.job_id] += commit.record.stored_bytes;
     if (commit.record.segment != kInRow) added += commit.record.stored_bytes;
   }
-  return journal_.after_write([this, added] {
-    file_bytes_ += added;
-    return absl::OkStatus();
-  });
+  journal_.after_write([this, added] { file_bytes_ += added; });
+  return absl::OkStatus();
 }
 
 /// Whether these blocks are small, and the job with them. A job that has outgrown the rows does not
@@ -277,11 +275,12 @@ absl::Status UnitRows::close_job(const std::string& job_id) {
     return rows.run("DELETE FROM segments WHERE job=?", {job->sequence});
   });
   if (!status.ok()) return status;
-  return journal_.after_write([this, job_id, bytes = *freed, end = job->next_segment] {
+  journal_.after_write([this, job_id, bytes = *freed, end = job->next_segment] {
     job_bytes_.erase(job_id);
     file_bytes_ -= bytes;
-    return segments_.release(job_id, end);
+    files_.note_deletion(segments_.release(job_id, end));
   });
+  return absl::OkStatus();
 }
 
 absl::Status UnitRows::add_up_units(Database& rows, std::int64_t job) {
@@ -313,10 +312,10 @@ absl::StatusOr<std::int64_t> UnitRows::file_bytes_of(std::int64_t job) const {
   return sum_bytes(journal_, "SELECT TOTAL(bytes) FROM segments WHERE job=?", job);
 }
 
-absl::Status UnitRows::remove_files(const std::string& job_id, std::int64_t bytes) {
+void UnitRows::remove_files(const std::string& job_id, std::int64_t bytes) {
   job_bytes_.erase(job_id);
   file_bytes_ -= bytes;
-  return segments_.remove_job(job_id);
+  files_.note_deletion(segments_.remove_job(job_id));
 }
 
 }  // namespace tessera::server

@@ -48,7 +48,7 @@ class UnitRows final : public UnitStore {
   /// Returns the size of a job's segments. `job`: JobKey::sequence. On the writing thread.
   absl::StatusOr<std::int64_t> file_bytes_of(std::int64_t job) const;
   /// Deletes the segments of a job whose rows are deleted; `bytes`: their size.
-  absl::Status remove_files(const std::string& job_id, std::int64_t bytes);
+  void remove_files(const std::string& job_id, std::int64_t bytes);
   /// Deletes rows of units as a part of a transaction. Their bytes stay in the segments or rows,
   /// and in the size, until those are released.
   static absl::Status delete_units(Database& rows, std::int64_t job,

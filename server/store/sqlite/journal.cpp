@@ -54,14 +54,13 @@ absl::Status Journal::write_together(const std::function<void()>& body) {
   files_.note_sync(writer_->commit_seconds());
   status = maintain();
   if (!status.ok()) return status;
-  for (const auto& action : actions) status.Update(action());
-  return status;
+  for (const auto& action : actions) action();
+  return absl::OkStatus();
 }
 
-absl::Status Journal::after_write(std::function<absl::Status()> action) {
+void Journal::after_write(std::function<void()> action) {
   if (!is_together_) return action();
   after_together_.push_back(std::move(action));
-  return absl::OkStatus();
 }
 
 /// The write is durable, so only a failed sync is an error. Maintenance that fails otherwise, for

@@ -36,12 +36,12 @@ class Journal {
   /// Runs `body`, whose calls of write() are parts of one transaction, durable on return; a part
   /// that fails leaves the others. On the writing thread; not within another.
   ///
-  /// Errors: those of Database; then nothing has changed, whatever the parts returned. Those of
-  /// actions that follow; then all parts are durable.
+  /// Errors: those of Database; then nothing has changed, whatever the parts returned.
   absl::Status write_together(const std::function<void()>& body);
   /// Does what must follow the last write, once that is durable: now, or at the end of
-  /// write_together(), and not at all if that fails. Returns the outcome of what is done now.
-  absl::Status after_write(std::function<absl::Status()> action);
+  /// write_together(), and not at all if that fails. An action has no error: what it cannot do must
+  /// not make a durable write look as if it had failed.
+  void after_write(std::function<void()> action);
 
   /// Runs queries. Any thread, one at a time; `body` must not call the journal.
   absl::Status read(const std::function<absl::Status(Database&)>& body) const;
@@ -67,7 +67,7 @@ class Journal {
       ABSL_ACQUIRED_BEFORE(lock_order::kLeaf){lock_order::kJournal};
   std::unique_ptr<Database> reader_ ABSL_PT_GUARDED_BY(reader_mutex_);
   bool is_together_ = false;  // write_together() runs
-  std::vector<std::function<absl::Status()>> after_together_;
+  std::vector<std::function<void()>> after_together_;
   std::int64_t page_count_ = 0, free_page_count_ = 0;
   std::atomic<std::int64_t> used_bytes_ = 0;
 };

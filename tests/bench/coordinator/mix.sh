@@ -5,7 +5,8 @@
 #
 # TENANTS (5) clients with certificates make RATE (100) steps a second for SECONDS_EACH (20) seconds: jobs of 1, 4, 16
 # and 64 units, uploads, queries, changes, removals. An operator makes ten steps a second: limits, budgets and commands
-# for workers, of which some end the stream of a spare worker. Simulated workers answer each lease at once. "Work: lease" is the
+# for workers, of which some end the stream of a spare worker. A worker makes ten calls a second of those that workers
+# make besides their streams. Simulated workers answer each lease at once. "Work: lease" is the
 # time from granting credits to the next leases, also if there is no work meanwhile; "Deliver: commit" is the time from
 # sending a block to its acknowledgement; both are those of the slower process of workers. Connections use TLS over
 # loopback. BIN and STORE: as for run.sh.

@@ -1,6 +1,6 @@
 /// bench_rpc_mix: tenants with certificates call every RPC of clients at a fixed rate, with jobs of
-/// mixed sizes, and an operator those of admins. Prints the latencies of each RPC as one line of
-/// JSON.
+/// mixed sizes, an operator those of admins, and a worker those that it makes besides its streams.
+/// Prints the latencies of each RPC as one line of JSON.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -18,13 +18,16 @@
 #include <vector>
 
 #include "client/api/farm_client.h"
-#include "contract/digest.h"
-#include "rpc/protocol_version.h"
-#include "rpc/settings_message.h"
+#include "rpc/channel.h"
+#include "tests/bench/coordinator/rpc_figures.h"
+#include "tests/bench/coordinator/scene_upload.h"
+#include "tests/bench/coordinator/worker_calls.h"
 
 namespace {
 
 namespace v1 = tessera::v1;
+using tessera::bench::Figures;
+using tessera::bench::WorkerCalls;
 using tessera::client::FarmClient;
 using Clock = std::chrono::steady_clock;
 
@@ -33,50 +36,6 @@ struct Options {
   int tenants = 5, queued = 0;
   double rate = 100, seconds = 20;
 };
-
-/// Latencies by name of the RPC, and how many calls failed. Thread-safe.
-class Figures {
- public:
-  void add(const std::string& rpc, double seconds, bool is_ok) {
-    const std::lock_guard lock(mutex_);
-    Calls& calls = calls_[rpc];
-    calls.seconds.push_back(seconds);
-    calls.failed += is_ok ? 0 : 1;
-  }
-  void print() {
-    printf("{");
-    const char* separator = "";
-    for (auto& [rpc, calls] : calls_) {
-      std::sort(calls.seconds.begin(), calls.seconds.end());
-      const auto at = [&values = calls.seconds](double share) {
-        const auto index = static_cast<std::size_t>(share * static_cast<double>(values.size()));
-        return 1e3 * values[std::min(index, values.size() - 1)];
-      };
-      printf("%s\"%s\": {\"calls\": %zu, \"failed\": %d, \"p50_ms\": %.2f, \"p99_ms\": %.2f}",
-             separator, rpc.c_str(), calls.seconds.size(), calls.failed, at(0.5), at(0.99));
-      separator = ", ";
-    }
-    printf("}\n");
-  }
-
- private:
-  struct Calls {
-    std::vector<double> seconds;
-    int failed = 0;
-  };
-  std::mutex mutex_;
-  std::map<std::string, Calls> calls_;
-};
-
-/// Measures `call`, which returns a status or a value with one. Returns whether it succeeded.
-template <typename Call>
-bool timed(Figures& figures, const char* rpc, const Call& call) {
-  const auto start = Clock::now();
-  const auto result = call();
-  const bool is_ok = result.ok();
-  figures.add(rpc, std::chrono::duration<double>(Clock::now() - start).count(), is_ok);
-  return is_ok;
-}
 
 /// A client and its jobs. One thread.
 class Tenant {
@@ -97,6 +56,21 @@ class Tenant {
     request.set_required_tag("nobody");
     return client_.create_job(request).ok();
   }
+
+  /// Creates a job of which workers have rendered a part, and pauses it. Returns its ID; empty if
+  /// that failed.
+  std::string pause_begun_job() {
+    auto request = job_request(256);  // large, so that it is not done before it is paused
+    request.set_max_worker_count(1);
+    const auto created = client_.create_job(request);
+    if (!created.ok()) return "";
+    const std::string job = created->job().id();
+    const auto last = client_.watch_job(
+        job, std::chrono::milliseconds(100),
+        [](const v1::Job& now) { return now.progress().committed_unit_count() == 0; });
+    return last.ok() && client_.pause_job(job).ok() ? job : "";
+  }
+  const v1::AssetId& scene() const { return scene_; }
 
   /// Calls an RPC; common ones more often.
   void call() {
@@ -120,32 +94,20 @@ class Tenant {
  private:
   template <typename Call>
   bool timed(const char* rpc, const Call& call) {
-    return ::timed(figures_, rpc, call);
+    return tessera::bench::timed(figures_, rpc, call);
   }
 
   v1::CreateJobRequest job_request(int tiles_across) {
-    tessera::contract::RenderSettings settings;
-    settings.width = settings.height = 8 * tiles_across;
-    settings.tile = 8;
-    settings.spp = 4;
-    v1::CreateJobRequest request;
-    request.set_protocol_version(tessera::contract::kProtocolVersion);
-    request.set_request_id(name_ + "-" + std::to_string(getpid()) + "-" + std::to_string(++count_));
-    request.set_name("mixed");
-    *request.mutable_settings() = tessera::contract::to_message(settings);
-    request.mutable_manifest()->set_scene_uri("bench.gltf");
-    v1::ManifestEntry& entry = *request.mutable_manifest()->add_assets();
-    entry.set_uri("bench.gltf");
-    *entry.mutable_asset() = scene_;
-    return request;
+    return tessera::bench::job_request(
+        "mixed", name_ + "-" + std::to_string(getpid()) + "-" + std::to_string(++count_),
+        tessera::bench::small_settings(tiles_across), scene_);
   }
 
   bool upload_scene() {
     const std::string text = "{\"asset\": {\"version\": \"2.0\"}, \"extras\": \"" + path_ +
                              std::to_string(++count_) + "\"}";
     std::ofstream(path_) << text;
-    scene_.set_sha256(tessera::contract::sha256(text).binary());
-    scene_.set_size_bytes(static_cast<std::int64_t>(text.size()));
+    scene_ = tessera::bench::asset_id(text);
     timed("FindMissingAssets", [&] { return client_.find_missing_assets({scene_}); });
     return timed("UploadAsset", [&] { return client_.upload_asset(scene_, path_); });
   }
@@ -319,7 +281,7 @@ class Operator {
  private:
   template <typename Call>
   bool timed(const char* rpc, const Call& call) {
-    return ::timed(figures_, rpc, call);
+    return tessera::bench::timed(figures_, rpc, call);
   }
   static v1::Budget budget(int turn) {
     v1::Budget budget;
@@ -389,7 +351,18 @@ int run(const Options& options) {
     return is_ok;
   });
   if (failed) return 1;
+  const auto channel = tessera::contract::open_channel(options.server, options.certs + "/worker-w");
+  Tenant owner(options, 2000, *clients.front(), ignored);
+  const std::string begun = channel.ok() && owner.prepare() ? owner.pause_begun_job() : "";
+  if (begun.empty()) return 1;
   const auto start = Clock::now();
+  std::thread worker_thread([&] {
+    WorkerCalls worker(*channel, begun, owner.scene(), figures);
+    for (int k = 0; k < 10 * options.seconds; ++k) {
+      std::this_thread::sleep_until(start + std::chrono::milliseconds(100 * k + 50));
+      worker.call();
+    }
+  });
   std::thread operator_thread([&] {
     Operator admin(*clients.back(), figures);
     bool is_ok = admin.prepare();
@@ -412,6 +385,7 @@ int run(const Options& options) {
     return true;
   });
   operator_thread.join();
+  worker_thread.join();
   figures.print();
   return failed ? 1 : 0;
 }
@@ -422,7 +396,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench
   Options options;
   CLI::App app("A mix of calls of several tenants for tests/bench/scale.sh.");
   app.add_option("--server", options.server, "HOST:PORT")->required();
-  app.add_option("--certs", options.certs, "directory with client-t0, client-t1, …")->required();
+  app.add_option("--certs", options.certs, "directory with client-t0, client-t1, …, worker-w")
+      ->required();
   app.add_option("--scratch", options.scratch, "directory for scenes")->required();
   app.add_option("--tenants", options.tenants, "clients")->capture_default_str();
   app.add_option("--queued", options.queued, "jobs created before, which no worker serves");

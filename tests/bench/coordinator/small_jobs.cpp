@@ -19,10 +19,8 @@
 #include <utility>
 #include <vector>
 
-#include "contract/digest.h"
 #include "rpc/channel.h"
-#include "rpc/protocol_version.h"
-#include "rpc/settings_message.h"
+#include "tests/bench/coordinator/client_options.h"
 #include "tests/bench/coordinator/scene_upload.h"
 
 namespace {
@@ -121,19 +119,11 @@ class OpenJobs {
   Clock::time_point last_;
 };
 
-v1::CreateJobRequest job_request(const std::string& scene, const std::string& request_id) {
-  tessera::contract::RenderSettings settings;
-  settings.width = settings.height = 16;
-  settings.tile = 8;
-  settings.spp = 4;
-  v1::CreateJobRequest request;
-  request.set_protocol_version(tessera::contract::kProtocolVersion);
-  request.set_request_id(request_id);
-  request.set_name("small");
-  *request.mutable_settings() = tessera::contract::to_message(settings);
-  request.mutable_manifest()->set_scene_uri("bench.gltf");
-  *request.mutable_manifest()->add_assets() = tessera::bench::manifest_entry("bench.gltf", scene);
-  return request;
+/// The request of job number `k` of a kind.
+v1::CreateJobRequest job_request(const std::string& scene, const char* kind, int k) {
+  return tessera::bench::job_request(
+      "small", std::string(kind) + "-" + std::to_string(getpid()) + "-" + std::to_string(k),
+      tessera::bench::small_settings(2), tessera::bench::asset_id(scene));
 }
 
 /// Creates a job and returns its ID; empty if that failed.
@@ -157,8 +147,7 @@ bool fill_queue(const Options& options, const std::shared_ptr<grpc::Channel>& ch
     threads.emplace_back([&] {
       const auto stub = v1::JobService::NewStub(channel);
       for (int k = next++; k < options.queued && !failed; k = next++) {
-        auto request =
-            job_request(scene, "queued-" + std::to_string(getpid()) + "-" + std::to_string(k));
+        auto request = job_request(scene, "queued", k);
         request.set_required_tag("nobody");
         if (create(*stub, options, request).empty()) failed = true;
       }
@@ -203,8 +192,7 @@ Outcome run_clients(const Options& options, const std::string& scene, OpenJobs& 
       std::vector<double> times;
       for (int k = next++; k < options.jobs; k = next++) {
         open.reserve();
-        const auto request =
-            job_request(scene, "small-" + std::to_string(getpid()) + "-" + std::to_string(k));
+        const auto request = job_request(scene, "small", k);
         auto start = Clock::now();
         if (options.rate > 0) {  // from when it was due, so that a slow server is seen by all
           const std::chrono::duration<double> due(k / options.rate);
@@ -265,8 +253,7 @@ int run(const Options& options) {
 int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench may die of one
   Options options;
   CLI::App app("Many small jobs for tests/bench/coordinator.");
-  app.add_option("--server", options.server, "unix:PATH or HOST:PORT")->required();
-  app.add_option("--token", options.token, "the server's token");
+  tessera::bench::add_server_options(app, options.server, options.token);
   app.add_option("--clients", options.clients, "clients that create jobs")->capture_default_str();
   app.add_option("--jobs", options.jobs, "jobs to create and finish")->capture_default_str();
   app.add_option("--queued", options.queued, "jobs created before, which no worker can serve")

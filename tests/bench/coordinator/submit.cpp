@@ -9,8 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rpc/channel.h"
-#include "rpc/protocol_version.h"
-#include "rpc/settings_message.h"
+#include "tests/bench/coordinator/client_options.h"
 #include "tests/bench/coordinator/scene_upload.h"
 #include "tests/bench/coordinator/simulated_block.h"
 
@@ -23,17 +22,6 @@ struct Options {
   std::string server, token;
   int width = 2048, height = 1024, tile = 8, spp = 8;
 };
-
-v1::CreateJobRequest job_request(const RenderSettings& settings, const std::string& scene) {
-  v1::CreateJobRequest request;
-  request.set_protocol_version(tessera::contract::kProtocolVersion);
-  request.set_request_id("bench-" + std::to_string(getpid()));
-  request.set_name("bench");
-  *request.mutable_settings() = tessera::contract::to_message(settings);
-  request.mutable_manifest()->set_scene_uri("bench.gltf");
-  *request.mutable_manifest()->add_assets() = tessera::bench::manifest_entry("bench.gltf", scene);
-  return request;
-}
 
 /// Watches the job until it ends and returns its final state.
 v1::Job watch(v1::JobService::Stub& jobs, const std::string& id, const std::string& token) {
@@ -67,7 +55,9 @@ int run(const Options& options) {
   tessera::contract::prepare_call(context, options.token, std::chrono::seconds(20));
   v1::CreateJobResponse created;
   const auto start = std::chrono::steady_clock::now();
-  const grpc::Status status = jobs->CreateJob(&context, job_request(settings, scene), &created);
+  const auto request = tessera::bench::job_request("bench", "bench-" + std::to_string(getpid()),
+                                                   settings, tessera::bench::asset_id(scene));
+  const grpc::Status status = jobs->CreateJob(&context, request, &created);
   if (!status.ok()) {
     fprintf(stderr, "CreateJob: %s\n", status.error_message().c_str());
     return 1;
@@ -103,8 +93,7 @@ int run(const Options& options) {
 int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench may die of one
   Options options;
   CLI::App app("A job of fabricated blocks for tests/bench/coordinator.");
-  app.add_option("--server", options.server, "unix:PATH or HOST:PORT")->required();
-  app.add_option("--token", options.token, "the server's token");
+  tessera::bench::add_server_options(app, options.server, options.token);
   app.add_option("--width", options.width, "pixels, a multiple of the tile");
   app.add_option("--height", options.height, "pixels, a multiple of the tile");
   app.add_option("--tile", options.tile, "pixels, a power of two");

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "rpc/channel.h"
+#include "tests/bench/coordinator/client_options.h"
 #include "tests/bench/coordinator/scene_upload.h"
 
 namespace {
@@ -68,8 +69,7 @@ int run(const Options& options) {
 int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench may die of one
   Options options;
   CLI::App app("Clients that upload large assets for tests/bench/coordinator.");
-  app.add_option("--server", options.server, "unix:PATH or HOST:PORT")->required();
-  app.add_option("--token", options.token, "the server's token");
+  tessera::bench::add_server_options(app, options.server, options.token);
   app.add_option("--clients", options.clients, "how many")->capture_default_str();
   app.add_option("--megabytes", options.megabytes, "size of an asset, MiB")->capture_default_str();
   CLI11_PARSE(app, argc, argv);

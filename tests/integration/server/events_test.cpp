@@ -2,8 +2,10 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "rpc/channel.h"
@@ -109,6 +111,56 @@ TEST_F(EventCursor, TooOldAndTooNewAreErrors) {
   ASSERT_TRUE(read(dropped, kept).ok());
   EXPECT_EQ(kept.size(), 50u);
   EXPECT_EQ(read(kept.back() + 1, none).error_code(), grpc::StatusCode::OUT_OF_RANGE);
+}
+
+TEST_F(EventCursor, FollowerGetsEventsAtOnce) {
+  grpc::ClientContext context;
+  contract::prepare_call(context, "", std::chrono::seconds(20));
+  v1::WatchEventsRequest request;
+  request.set_follow(true);
+  const auto stream =
+      v1::JobService::NewStub(server_->InProcessChannel({}))->WatchEvents(&context, request);
+  v1::WatchEventsResponse response;
+  for (int i = 0; i < 5; ++i) {
+    happen(1);
+    const auto since = std::chrono::steady_clock::now();
+    ASSERT_TRUE(stream->Read(&response));
+    // Without being woken it looks once a second.
+    const auto delay = std::chrono::steady_clock::now() - since;
+    EXPECT_TRUE(i == 0 || delay < std::chrono::milliseconds(500)) << "event " << i;
+    std::this_thread::sleep_for(std::chrono::milliseconds(150));  // it waits again
+  }
+  context.TryCancel();
+  EXPECT_FALSE(stream->Read(&response));
+  stream->Finish();
+}
+
+TEST_F(EventCursor, FollowersMissNothingOnBusyFarm) {
+  constexpr int kFollowers = 8, kCount = 3000;
+  std::vector<std::vector<std::int64_t>> seen(kFollowers);
+  std::vector<std::thread> followers;
+  for (auto& sequences : seen) {
+    followers.emplace_back([&] {
+      grpc::ClientContext context;
+      contract::prepare_call(context, "", std::chrono::seconds(60));
+      v1::WatchEventsRequest request;
+      request.set_follow(true);
+      const auto stream =
+          v1::JobService::NewStub(server_->InProcessChannel({}))->WatchEvents(&context, request);
+      v1::WatchEventsResponse response;
+      while (sequences.size() < kCount && stream->Read(&response)) {
+        for (const v1::Event& event : response.events()) sequences.push_back(event.sequence());
+      }
+      context.TryCancel();
+      stream->Finish();
+    });
+  }
+  happen(kCount);
+  for (std::thread& follower : followers) follower.join();
+  std::vector<std::int64_t> all;
+  ASSERT_TRUE(read(0, all).ok());
+  ASSERT_EQ(all.size(), static_cast<std::size_t>(kCount));
+  for (const auto& sequences : seen) EXPECT_EQ(sequences, all);
 }
 
 }  // namespace

@@ -67,6 +67,7 @@ void FailingDisk::recover() {
   syncs_fail_ = false;
   folders_fail_ = false;
   ballast_.clear();
+  unremovable_.clear();
   failing_sqlite_file_.clear();
   full_sqlite_file_.clear();
 }
@@ -119,6 +120,9 @@ absl::Status FailingDisk::reserve(const std::string& path, std::int64_t bytes) {
 
 absl::Status FailingDisk::remove(const std::string& path) {
   if (!ballast_.empty() && path.substr(path.find_last_of('/') + 1) == ballast_) recover();
+  if (!unremovable_.empty() && path.find(unremovable_) != std::string::npos) {
+    return absl::PermissionDeniedError("the failing disk cannot remove " + path);
+  }
   return disk_.remove(path);
 }
 

@@ -30,6 +30,8 @@ class FailingDisk final : public server::Filesystem {
   void fail_sqlite_syncs(const std::string& name);
   /// Every write by SQLite to the file of this name fails for want of space.
   void fail_sqlite_writes(const std::string& name);
+  /// Files whose path contains `part` cannot be removed.
+  void fail_removing(const std::string& part) { unremovable_ = part; }
   /// Stops all failures when a file of this name is removed, as when its space is needed.
   void recover_when_removed(const std::string& name) { ballast_ = name; }
   /// `act` is called with the path of each file that open_existing() is to open.
@@ -65,7 +67,7 @@ class FailingDisk final : public server::Filesystem {
   bool syncs_fail_ = false;
   bool has_failed_ = false;
   bool folders_fail_ = false;
-  std::string ballast_;
+  std::string ballast_, unremovable_;
   std::function<void(const std::string& path)> before_open_;
   int syncs_after_failure_ = 0;
   std::string failing_sqlite_file_, full_sqlite_file_;

@@ -18,6 +18,11 @@ class MemoryAssets final : public AssetStore {
   explicit MemoryAssets(std::string folder) : folder_(std::move(folder)) {}
 
   void set_used_bytes(std::int64_t bytes) { used_bytes_ = bytes; }
+  /// Loses an asset, as when its file is deleted.
+  void lose(const contract::Digest& digest) {
+    const std::lock_guard lock(mutex_);
+    contents_.erase(digest);
+  }
   /// Number of calls of collect().
   int collection_count() const { return collection_count_; }
 

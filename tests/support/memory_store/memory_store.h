@@ -43,6 +43,10 @@ class MemoryStore final : public Store {
       const std::lock_guard lock(store_.rows_.mutex);
       store_.rows_.transaction_fault = std::move(status);
     }
+    /// Runs each transaction's body within `act`, which must call it.
+    void wrap_transactions(std::function<void(const std::function<void()>& body)> act) {
+      store_.wrap_ = std::move(act);
+    }
     /// Number of calls of write_together().
     int transaction_count() const { return store_.transaction_count_; }
     /// Deletes the rows of removed jobs, as after many removals.
@@ -70,7 +74,8 @@ class MemoryStore final : public Store {
       ++transaction_count_;
       fault = rows_.transaction_fault;
     }
-    if (fault.ok()) body();
+    if (fault.ok() && wrap_) wrap_(body);
+    if (fault.ok() && !wrap_) body();
     return fault;
   }
 
@@ -105,6 +110,7 @@ class MemoryStore final : public Store {
   std::int64_t boot_count_ = 1, used_bytes_ = 0;
   std::int64_t free_bytes_ = std::int64_t{1} << 40;
   int transaction_count_ = 0;
+  std::function<void(const std::function<void()>&)> wrap_;
 };
 
 }  // namespace tessera::server

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <set>
 #include <string>
 #include <utility>
@@ -21,6 +22,11 @@ class MemoryUnits final : public UnitStore {
   void damage(const contract::Unit& unit) {
     const std::lock_guard lock(rows_.mutex);
     damaged_.insert(unit);
+  }
+  /// Makes reading the units of this job fail with `status`.
+  void fail_reads_of(const std::string& job_id, const absl::Status& status) {
+    const std::lock_guard lock(rows_.mutex);
+    unreadable_[job_id] = status;
   }
   /// Number of committed groups.
   int group_count() const { return group_count_; }
@@ -49,6 +55,9 @@ class MemoryUnits final : public UnitStore {
   absl::Status for_each(const std::string& job_id,
                         const std::function<void(const UnitRecord&)>& visit) const override {
     const std::lock_guard lock(rows_.mutex);
+    if (const auto fault = unreadable_.find(job_id); fault != unreadable_.end()) {
+      return fault->second;
+    }
     const auto units = rows_.units.find(job_id);
     if (units == rows_.units.end()) return absl::OkStatus();
     for (const auto& [unit, entry] : units->second) visit(entry.first);
@@ -120,6 +129,7 @@ class MemoryUnits final : public UnitStore {
 
   MemoryRows& rows_;
   MemoryUsage& usage_;
+  std::map<std::string, absl::Status> unreadable_;  // by job
   std::set<contract::Unit> damaged_;
   int group_count_ = 0;
   std::int64_t next_offset_ = 0, hour_ = 0;

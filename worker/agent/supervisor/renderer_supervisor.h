@@ -43,7 +43,8 @@ class RendererSupervisor {
   struct Callbacks {
     std::function<void(const std::string& job_id)> fetch_job;  // ends with job_fetched()
     std::function<void(v1::UnitFailure)> failed;
-    std::function<void(std::vector<UnitKey>)> units_returned;  // their job does not exist
+    /// The server lacks their job or a file of it.
+    std::function<void(std::vector<UnitKey>)> units_returned;
     std::function<void(v1::SceneLoaded)> scene_loaded;
     std::function<void(const Rendered&)> unit_finished;  // the queue has its block
     std::function<void()> renderer_died;

@@ -1,5 +1,6 @@
 // Events of jobs and workers, and operators' orders to workers.
 #include <algorithm>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,42 @@ std::vector<std::string> texts(const std::vector<Event>& events) {
   texts.reserve(events.size());
   for (const Event& event : events) texts.push_back(event.text);
   return texts;
+}
+
+class CountingReader final : public EventReader {
+ public:
+  void wake() override { ++wake_count; }
+  int wake_count = 0;
+};
+
+TEST(EventLog, WakesWaitingReaderOnce) {
+  EventLog log(1, no_time);
+  add(log, event_of(EventKind::job_done, "j"));
+  const auto reader = std::make_shared<CountingReader>();
+  EXPECT_TRUE(log.wake_after(log.newest(), reader));
+  EXPECT_TRUE(log.wake_after(log.newest(), reader));
+  log.publish({});
+  EXPECT_EQ(reader->wake_count, 0);
+  for (int i = 0; i < 2; ++i) add(log, event_of(EventKind::job_done, "j"));
+  EXPECT_EQ(reader->wake_count, 1);
+}
+
+TEST(EventLog, ReaderThatIsBehindNeedNotWait) {
+  EventLog log(1, no_time);
+  const std::int64_t seen = log.newest();
+  add(log, event_of(EventKind::job_done, "j"));
+  const auto reader = std::make_shared<CountingReader>();
+  EXPECT_FALSE(log.wake_after(seen, reader)) << "the event came between reading and waiting";
+}
+
+TEST(EventLog, ForgottenReaderIsNotWoken) {
+  EventLog log(1, no_time);
+  const auto reader = std::make_shared<CountingReader>();
+  EXPECT_TRUE(log.wake_after(log.newest(), reader));
+  log.forget_reader(reader);
+  add(log, event_of(EventKind::job_done, "j"));
+  EXPECT_EQ(reader->wake_count, 0);
+  EXPECT_EQ(reader.use_count(), 1) << "the log does not keep it";
 }
 
 TEST(EventLog, ReadsFromSequenceInPages) {

@@ -4,7 +4,10 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
+#include <future>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "tests/unit/server/coordinator/coordinator_fixture.h"
@@ -99,6 +102,28 @@ TEST_F(RetentionTest, JobsAreRemovedInGroups) {
   while (write_round()) sizes.push_back(store.jobs().list()->size());
   EXPECT_EQ(sizes, (std::vector<std::size_t>{96, 32, 0})) << "other rounds come between them";
   EXPECT_LE(store.controls().transaction_count() - before, 6) << "one transaction for each group";
+}
+
+TEST_F(RetentionTest, RemovalDoesNotLockFarmInTransaction) {
+  const std::string job = create_job("a");
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
+  bool is_free = false;  // the transaction ends while another thread holds the farm's lock
+  store.controls().wrap_transactions([&](const std::function<void()>& body) {
+    std::promise<void> locked, written;
+    std::thread other([&] {
+      const FarmView view(coordinator->farm());
+      locked.set_value();
+      is_free = written.get_future().wait_for(std::chrono::seconds(2)) == std::future_status::ready;
+    });
+    locked.get_future().wait();
+    body();
+    written.set_value();
+    other.join();
+  });
+  EXPECT_TRUE(remove(job).ok());
+  store.controls().wrap_transactions({});
+  EXPECT_FALSE(exists(job));
+  EXPECT_TRUE(is_free);
 }
 
 TEST_F(RetentionTest, DoneJobKeepsFiguresWithoutUnits) {

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <memory>
+#include <string>
+
+#include "tessera/v1/worker_service.grpc.pb.h"
+#include "tests/bench/coordinator/rpc_figures.h"
+#include "tests/bench/coordinator/scene_upload.h"
+
+namespace tessera::bench {
+
+/// The calls that a worker makes besides its streams, which simulated workers do not make. Not
+/// RenewCertificate: the server renews only a certificate of which half of the validity has passed.
+/// One thread.
+class WorkerCalls {
+ public:
+  /// `channel`: with the certificate of the simulated workers, to which units of the job `job_id`
+  /// are or were leased. `scene`: the file of its scene.
+  WorkerCalls(const std::shared_ptr<grpc::Channel>& channel, std::string job_id, v1::AssetId scene,
+              Figures& figures);
+
+  /// Calls the next RPC.
+  void call();
+
+ private:
+  absl::Status describe_job();
+  absl::Status download_asset();
+
+  const std::unique_ptr<v1::WorkerService::Stub> workers_;
+  const std::unique_ptr<v1::AssetService::Stub> assets_;
+  const std::string job_id_;
+  const v1::AssetId scene_;
+  Figures& figures_;
+  int turn_ = 0;
+};
+
+}  // namespace tessera::bench
