@@ -8,7 +8,8 @@ OPTIONS.json: {"depth": scattering events, "sky": null, a latitude-longitude ima
 threshold of adaptive sampling with at most "spp" samples}]}.
 The importer and the defaults of Cycles differ from the specification in some points; each function below
 corrects one of them, in Blender 3.4 and 4.5. Corrected are only features of the compared scenes: punctual
-lights, Lambert surfaces (specularFactor 0), emitters, smooth solid glass, Beer's law, alphaMode MASK.
+lights, Lambert surfaces (specularFactor 0), emitters, smooth solid glass, Beer's law, alphaMode MASK, and the
+thin lens of TESSERA_camera (fNumber, sensorHeight, focusDistance).
 Prints a line JOB with the CPU seconds of the process for each job; they include synchronising the scene.
 """
 
@@ -289,6 +290,21 @@ def frame_everything(width, height):
     return camera
 
 
+def set_lens(camera, gltf):
+    """Sets the thin lens of the first camera, or a pinhole."""
+    camera.data.dof.use_dof = False
+    core = gltf.get("cameras", [{}])[0]
+    lens = core.get("extensions", {}).get("TESSERA_camera", {}).get("lens")
+    if lens is None:
+        return
+    focal_length = lens.get("sensorHeight", 0.024) / (2 * math.tan(core["perspective"]["yfov"] / 2))
+    radius = focal_length / (2 * lens["fNumber"])
+    camera.data.dof.use_dof = True
+    camera.data.dof.focus_distance = lens["focusDistance"]
+    camera.data.dof.aperture_blades = 0
+    camera.data.dof.aperture_fstop = camera.data.lens * 1e-3 / (2 * radius)
+
+
 def set_sky(sky):
     """Sets no sky, an image, or a constant radiance."""
     world = bpy.data.worlds.new("sky")
@@ -372,7 +388,7 @@ def main():
     bpy.context.view_layer.update()
     cameras = [thing for thing in bpy.context.scene.objects if thing.type == "CAMERA"]
     camera = cameras[0] if cameras else frame_everything(*options["jobs"][0]["size"])
-    camera.data.dof.use_dof = False
+    set_lens(camera, gltf)
     bpy.context.scene.camera = camera
     set_sky(options["sky"])
     set_sampling(options["depth"])
