@@ -2,10 +2,11 @@
 # Compares Tessera with Blender Cycles, Mitsuba 3 and LuxCore: agreement of the images, CPU time to a relMSE of 0.01,
 # and, for Cycles, error of denoised images at equal CPU time. See docs/notes/against-cycles.md.
 #
-#   tests/bench/against_cycles.sh SCENES [--bin DIR (build/release/bin)] [--python PATH] [--only NAME]…
+#   tests/bench/against_cycles.sh [SCENES] [--bin DIR (build/release/bin)] [--python PATH] [--only NAME]…
 #                                 [--peer NAME]… [--quick] [--raw] [--out DIR]
 #
-# SCENES is a directory with the files that against_cycles/scenes.py names. Needs python3-numpy,
+# Without SCENES the scenes are those of against_cycles/own_scenes.py. SCENES is a directory with the given files
+# that against_cycles/scenes.py names; they are not part of the project. Needs python3-numpy,
 # python3-openimageio, and one or more of the peers:
 #
 #   python3.11 -m venv build/peers && build/peers/bin/python -m pip install 'bpy==4.5.*' mitsuba pyluxcore

@@ -8,7 +8,8 @@ OPTIONS.json: {"depth": scattering events, "sky": null, a latitude-longitude ima
 threshold of adaptive sampling with at most "spp" samples}]}.
 The importer and the defaults of Cycles differ from the specification in some points; each function below
 corrects one of them, in Blender 3.4 and 4.5. Corrected are only features of the compared scenes: punctual
-lights, Lambert surfaces (specularFactor 0), emitters, smooth solid glass, Beer's law, alphaMode MASK.
+lights, Lambert surfaces (specularFactor 0), emitters, smooth solid glass, Beer's law, alphaMode MASK, and the
+thin lens of TESSERA_camera (fNumber, sensorHeight, focusDistance).
 Prints a line JOB with the CPU seconds of the process for each job; they include synchronising the scene.
 """
 
@@ -107,7 +108,6 @@ class Material:
         self.principled.distribution = "MULTI_GGX" if IS_NEW else "GGX"
         self.mend_mask()
         self.mend_absorption()
-        self.mend_emission()
         factors = self.gltf.get("pbrMetallicRoughness", {})
         plain = factors.get("metallicFactor", 1) == 0 and "metallicRoughnessTexture" not in factors
         if self.extension("specular").get("specularFactor", 1) == 0 and IS_NEW:
@@ -117,6 +117,8 @@ class Material:
                 self.put(self.solid_glass())
         elif plain and self.extension("specular").get("specularFactor", 1) == 0:
             self.put(self.lambert())
+        elif self.emits():
+            self.put(self.principled.outputs[0])
 
     def mend_mixes(self):
         """Corrects the importer of 3.4, which connects the scalar output of a colour mix."""
@@ -154,19 +156,27 @@ class Material:
         is_dark = not strength.is_linked and strength.default_value == 0
         return not is_dark and (emission.is_linked or max(emission.default_value[:3]) > 0)
 
-    def mend_emission(self):
-        """Makes single-sided surfaces emit from the front only; Cycles emits from both sides."""
-        strength = self.principled.inputs["Emission Strength"]
-        if not self.emits() or self.gltf.get("doubleSided"):
-            return
+    def emission(self):
+        """Returns the light of the surface, from the front only if it is single-sided; Cycles emits from both sides.
+
+        The light tree of Cycles weights lamps by the strength of an emission node. It reads it through a mixture of
+        shaders, but not if the strength is computed by other nodes: then it takes 1.
+        """
+        light = self.tree.nodes.new("ShaderNodeEmission")
+        for name, target in ((EMISSION, "Color"), ("Emission Strength", "Strength")):
+            source = self.principled.inputs[name]
+            if source.is_linked:
+                self.link(source.links[0].from_socket, light.inputs[target])
+            else:
+                light.inputs[target].default_value = source.default_value
+        if self.gltf.get("doubleSided"):
+            return light.outputs[0]
         put(self.blender.cycles, "emission_sampling", "FRONT")
         facing = self.tree.nodes.new("ShaderNodeNewGeometry")
-        scale = self.tree.nodes.new("ShaderNodeMath")
-        scale.operation = "MULTIPLY_ADD"
-        scale.inputs[1].default_value = -strength.default_value
-        scale.inputs[2].default_value = strength.default_value
-        self.link(facing.outputs["Backfacing"], scale.inputs[0])
-        self.link(scale.outputs[0], strength)
+        mix = self.tree.nodes.new("ShaderNodeMixShader")
+        self.link(facing.outputs["Backfacing"], mix.inputs[0])
+        self.link(light.outputs[0], mix.inputs[1])
+        return mix.outputs[0]
 
     def lambert(self):
         """Removes the specular layer of Principled, which ignores specularFactor in 3.4."""
@@ -203,19 +213,16 @@ class Material:
         return mix.outputs[0]
 
     def put(self, shader):
-        """Replaces Principled by the given shader and keeps its emission."""
+        """Replaces the surface by the given shader and the emission of Principled."""
         if self.emits():
-            light = self.tree.nodes.new("ShaderNodeEmission")
-            for name, target in ((EMISSION, "Color"), ("Emission Strength", "Strength")):
-                source = self.principled.inputs[name]
-                if source.is_linked:
-                    self.link(source.links[0].from_socket, light.inputs[target])
-                else:
-                    light.inputs[target].default_value = source.default_value
             both = self.tree.nodes.new("ShaderNodeAddShader")
             self.link(shader, both.inputs[0])
-            self.link(light.outputs[0], both.inputs[1])
+            self.link(self.emission(), both.inputs[1])
             shader = both.outputs[0]
+            strength = self.principled.inputs["Emission Strength"]
+            for link in list(strength.links):
+                self.tree.links.remove(link)
+            strength.default_value = 0
         self.link(shader, self.output.inputs["Surface"])
 
 
@@ -281,6 +288,21 @@ def frame_everything(width, height):
     camera.data.angle_y = angle
     camera.data.clip_start, camera.data.clip_end = 1e-3, 1e6
     return camera
+
+
+def set_lens(camera, gltf):
+    """Sets the thin lens of the first camera, or a pinhole."""
+    camera.data.dof.use_dof = False
+    core = gltf.get("cameras", [{}])[0]
+    lens = core.get("extensions", {}).get("TESSERA_camera", {}).get("lens")
+    if lens is None:
+        return
+    focal_length = lens.get("sensorHeight", 0.024) / (2 * math.tan(core["perspective"]["yfov"] / 2))
+    radius = focal_length / (2 * lens["fNumber"])
+    camera.data.dof.use_dof = True
+    camera.data.dof.focus_distance = lens["focusDistance"]
+    camera.data.dof.aperture_blades = 0
+    camera.data.dof.aperture_fstop = camera.data.lens * 1e-3 / (2 * radius)
 
 
 def set_sky(sky):
@@ -366,7 +388,7 @@ def main():
     bpy.context.view_layer.update()
     cameras = [thing for thing in bpy.context.scene.objects if thing.type == "CAMERA"]
     camera = cameras[0] if cameras else frame_everything(*options["jobs"][0]["size"])
-    camera.data.dof.use_dof = False
+    set_lens(camera, gltf)
     bpy.context.scene.camera = camera
     set_sky(options["sky"])
     set_sampling(options["depth"])

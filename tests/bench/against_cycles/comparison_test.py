@@ -1,8 +1,12 @@
 #!/usr/bin/python3
-"""Tests of comparison.py, scenes.py and gltf_scene.py."""
+"""Tests of comparison.py, scenes.py, own_scenes.py and gltf_scene.py."""
 
 import math
+import pathlib
 import struct
+import subprocess
+import sys
+import tempfile
 import unittest
 
 import numpy
@@ -90,6 +94,23 @@ class SameWorkTest(unittest.TestCase):
     def test_glb_keeps_its_binary_chunk(self):
         data = scenes.written({"asset": {"version": "2.0"}}, b"\4\0\0\0BIN\0data")
         self.assertEqual(scenes.read(data), ({"asset": {"version": "2.0"}}, b"\4\0\0\0BIN\0data"))
+
+
+class OwnScenesTest(unittest.TestCase):
+    def test_all_are_written_and_can_be_prepared(self):
+        with tempfile.TemporaryDirectory() as name:
+            own, changed = pathlib.Path(name) / "own", pathlib.Path(name) / "changed"
+            script = pathlib.Path(scenes.__file__).with_name("own_scenes.py")
+            subprocess.run([sys.executable, script, own], check=True)
+            changed.mkdir()
+            for scene, entry in scenes.OWN.items():
+                gltf, _ = scenes.read(scenes.prepare(own / entry.file, changed / scene).read_bytes())
+                self.assertIn("cameras", gltf)
+                if isinstance(entry.sky, str):
+                    self.assertTrue((own / entry.sky).exists())
+
+    def test_names_of_both_sets_differ(self):
+        self.assertEqual(len(scenes.SCENES), len(scenes.GIVEN) + len(scenes.OWN))
 
 
 def glb(node, material=None, light=None):

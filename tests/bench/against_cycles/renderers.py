@@ -40,6 +40,15 @@ def pixels(path, prefix=""):
     return image.get_pixels(OpenImageIO.FLOAT)[..., channels].astype(numpy.float64)
 
 
+def save(image, path):
+    """Writes colours to an EXR file."""
+    height, width, channels = image.shape
+    output = OpenImageIO.ImageOutput.create(str(path))
+    output.open(str(path), OpenImageIO.ImageSpec(width, height, channels, "float"))
+    output.write_image(numpy.ascontiguousarray(image, numpy.float32))
+    output.close()
+
+
 class Inputs:
     """The files that all renderers read."""
 
@@ -63,10 +72,7 @@ class Inputs:
             return sky and self.scenes / sky
         path = self.folder / ("sky_" + "_".join(map(str, sky)) + ".exr")
         if not path.exists():
-            image = OpenImageIO.ImageOutput.create(str(path))
-            image.open(str(path), OpenImageIO.ImageSpec(16, 8, 3, "float"))
-            image.write_image(numpy.broadcast_to(numpy.float32(sky), (8, 16, 3)).copy())
-            image.close()
+            save(numpy.broadcast_to(numpy.float32(sky), (8, 16, 3)), path)
         return path
 
 

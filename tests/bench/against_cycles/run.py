@@ -22,14 +22,15 @@ import math
 import os
 import pathlib
 import statistics
+import subprocess
 import sys
 import tempfile
 
 import comparison
 import plot
 from comparison import Reference
-from renderers import Inputs, Tessera, peers
-from scenes import SCENES
+from renderers import Inputs, Tessera, peers, save
+from scenes import GIVEN, OWN, SCENES
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 PR_SET_CHILD_SUBREAPER = 36
@@ -50,7 +51,8 @@ DENOISED = {US, GUIDED, "Cycles 4.5"}
 SIMPLE = {"cornell_diffuse", "cornell_glass", "interior_window", "manylights200", "punctual"}
 SCENES_OF = {  # by words in the names of renderers; the others render every scene
     "Mitsuba": SIMPLE, "LuxCore": SIMPLE,  # what gltf_scene.py reads
-    "guided": {"cornell_glass", "interior_window"},  # where path guiding can help: light arrives indirectly
+    # Where path guiding can help: light arrives indirectly.
+    "guided": {"cornell_glass", "interior_window", "window", "window_sky", "caustic", "glass_box", "quickstart"},
     "adaptive": {"cornell_glass", "interior_window"}}  # where more samples are needed than it takes at least
 
 
@@ -72,7 +74,7 @@ def renders(renderer, name):
     return all(name in scenes for word, scenes in SCENES_OF.items() if word in renderer)
 
 
-def references(name, renderers, size):
+def references(name, renderers, size, out):
     spp = SCENES[name].reference_spp // REFERENCE_IMAGES
     made = {}
     for renderer, program in renderers.items():
@@ -80,6 +82,8 @@ def references(name, renderers, size):
             continue  # the same expected image, and a second training for nothing
         made[renderer] = Reference([image for image, _ in program.render(
             name, jobs_of(spp, REFERENCE_IMAGES, 1, size))])
+        if out:
+            save(made[renderer].mean, out / f"{name}, {renderer}.exr")
         log(f"{name}: reference of {renderer}, relMSE {made[renderer].rel_mse:.1e}")
     return made
 
@@ -146,9 +150,9 @@ def denoised(name, program, reference, cost, size):
     return found
 
 
-def compare(name, renderers, size, raw):
+def compare(name, renderers, size, raw, out):
     renderers = {renderer: program for renderer, program in renderers.items() if renders(renderer, name)}
-    made = references(name, renderers, size)
+    made = references(name, renderers, size, out)
     cost = cost_per_sample(name, {renderer: program for renderer, program in renderers.items()
                                   if variant_of(renderer) != "adaptive"})
     row = {"scene": name, "renderers": {}}
@@ -245,21 +249,31 @@ def tables(rows):
     return "\n\n".join(parts)
 
 
+def own_scenes(folder):
+    """Writes the project's own scenes, by a process of its own, because some of their modules have equal names."""
+    subprocess.run([sys.executable, pathlib.Path(__file__).with_name("own_scenes.py"), folder], check=True)
+    return folder
+
+
 def main():
     parser = argparse.ArgumentParser()
-    parser.add_argument("scenes", type=pathlib.Path)
+    parser.add_argument("scenes", type=pathlib.Path, nargs="?")
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/release/bin")
     parser.add_argument("--python", type=pathlib.Path, default=ROOT / "build/peers/bin/python")
-    parser.add_argument("--only", action="append", choices=SCENES)
+    parser.add_argument("--only", action="append", metavar="NAME", help="a scene by its name in scenes.py")
     parser.add_argument("--peer", action="append", help="a peer by its name in renderers.py; all that are installed")
     parser.add_argument("--quick", action="store_true", help="smaller images, for wider intervals in half the time")
     parser.add_argument("--raw", action="store_true", help="no denoised images")
-    parser.add_argument("--out", type=pathlib.Path, help="folder for results.json, tables.md and SVG curves")
+    parser.add_argument("--out", type=pathlib.Path, help="folder for results.json, tables.md, SVG curves and references")
     args = parser.parse_args()
+    known = GIVEN if args.scenes else OWN
+    if not set(args.only or known) <= set(known):
+        sys.exit(f"against_cycles: --only is one of {', '.join(known)}")
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     with tempfile.TemporaryDirectory() as folder:
         os.environ["TMPDIR"] = folder
-        inputs = Inputs(args.scenes.resolve(), pathlib.Path(folder))
+        scenes = args.scenes.resolve() if args.scenes else own_scenes(pathlib.Path(folder) / "own")
+        inputs = Inputs(scenes, pathlib.Path(folder))
         binaries = args.bin.resolve()
         renderers = {US: Tessera(inputs, binaries), **peers(inputs, args.python),
                      GUIDED: Tessera(inputs, binaries, guiding=True)}
@@ -270,11 +284,12 @@ def main():
             sys.exit(f"against_cycles: --peer is one of {', '.join(renderers)}")
         chosen |= {US} | {name.removesuffix(f", {variant_of(name)}") for name in chosen}
         renderers = {name: program for name, program in renderers.items() if name in chosen}
+        if args.out:
+            args.out.mkdir(parents=True, exist_ok=True)
         rows = []
-        for name in args.only or SCENES:
-            rows.append(compare(name, renderers, QUICK_SIZE if args.quick else SIZE, args.raw))
+        for name in args.only or known:
+            rows.append(compare(name, renderers, QUICK_SIZE if args.quick else SIZE, args.raw, args.out))
             if args.out:
-                args.out.mkdir(parents=True, exist_ok=True)
                 (args.out / "results.json").write_text(json.dumps(rows, indent=1) + "\n")
                 (args.out / "tables.md").write_text(tables(rows) + "\n")
                 (args.out / f"{name}.svg").write_text(plot.curves(rows[-1], GOAL))

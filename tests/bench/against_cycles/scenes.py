@@ -23,7 +23,7 @@ class Scene:
 
 
 VENICE = "env/venice_sunset_1k.hdr"
-SCENES = {
+GIVEN = {  # in a folder that the caller names
     "cornell_diffuse": Scene("cm_cornell_diffuse/cm_cornell_diffuse.glb", 2048, 9),
     "cornell_glass": Scene("cm_cornell_glass/cm_cornell_glass.glb", 8192, 17),
     "interior_window": Scene("cm_interior_window/cm_interior_window.glb", 8192, 9, (1, 1.2, 1.5)),
@@ -37,6 +37,28 @@ SCENES = {
     "knight": Scene("KnightGT/chr_knight.glb", 4096, 9, VENICE),
     "duck": Scene("Duck/Duck.glb", 4096, 9, (1, 1.2, 1.5)),
 }
+WHITE = (1, 1, 1)
+OWN = {  # written by own_scenes.py
+    "furnace": Scene("furnace.gltf", 1024, 9, WHITE),
+    "cornell": Scene("cornell.gltf", 2048, 9),
+    "penumbra": Scene("penumbra.gltf", 1024, 9),
+    "small_lamp": Scene("small_lamp.gltf", 1024, 9),
+    "many_lamps": Scene("many_lamps.gltf", 1024, 9),
+    "points": Scene("points.gltf", 2048, 9),
+    "foliage": Scene("foliage.gltf", 1024, 9),
+    "checker": Scene("checker.gltf", 1024, 9, WHITE),
+    "glossy": Scene("glossy.gltf", 2048, 9),
+    "glint": Scene("glint.gltf", 2048, 9),
+    "window": Scene("window.gltf", 4096, 9, WHITE),
+    "caustic": Scene("caustic.gltf", 4096, 17),
+    "window_sky": Scene("window_sky.gltf", 8192, 9, "sky.hdr"),
+    "quickstart": Scene("quickstart.gltf", 4096, 17),
+    "glass_box": Scene("glass_box.gltf", 4096, 17),
+    "sky_balls": Scene("sky_balls.gltf", 1024, 9, "sky.hdr"),
+    "mosaic_room": Scene("mosaic_room.gltf", 1024, 9),
+    "focus": Scene("focus.gltf", 1024, 9),
+}
+SCENES = GIVEN | OWN
 
 
 def has_transmission(material):
