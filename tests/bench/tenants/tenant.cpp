@@ -14,8 +14,8 @@
 #include <thread>
 #include <vector>
 
+#include "contract/render_settings.h"
 #include "rpc/channel.h"
-#include "rpc/protocol_version.h"
 #include "tessera/v1/job_service.grpc.pb.h"
 #include "tests/bench/coordinator/scene_upload.h"
 
@@ -48,24 +48,15 @@ class Tenant {
   grpc::Status create() {
     grpc::ClientContext context;
     tessera::contract::prepare_call(context, "", std::chrono::seconds(20));
-    v1::CreateJobRequest request;
-    request.set_protocol_version(tessera::contract::kProtocolVersion);
-    request.set_request_id(name_ + "-" + std::to_string(++last_));
-    request.set_name("bench");
+    tessera::contract::RenderSettings settings;
+    settings.width = 48;
+    settings.height = 40;
+    settings.tile = 16;
+    settings.spp = 16;
+    settings.max_depth = 4;
+    v1::CreateJobRequest request = tessera::bench::job_request(
+        "bench", name_ + "-" + std::to_string(++last_), settings, tessera::bench::asset_id(kScene));
     request.set_required_tag("nobody-has-it");
-    v1::RenderSettings& settings = *request.mutable_settings();
-    settings.set_width_px(48);
-    settings.set_height_px(40);
-    settings.set_tile_px(16);
-    settings.set_sample_count(16);
-    settings.set_max_depth(4);
-    settings.set_fps(24);
-    settings.set_filter_width_px(1);
-    settings.set_environment_strength(1);
-    settings.add_frames()->set_step(1);
-    request.mutable_manifest()->set_scene_uri("scene.gltf");
-    *request.mutable_manifest()->add_assets() =
-        tessera::bench::manifest_entry("scene.gltf", kScene);
     v1::CreateJobResponse response;
     return jobs_->CreateJob(&context, request, &response);
   }
