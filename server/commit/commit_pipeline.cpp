@@ -179,7 +179,7 @@ std::vector<Event> CommitPipeline::finish_recording(const absl::Status& together
 absl::Status CommitPipeline::write_and_tell(const std::function<absl::Status()>& write,
                                             Event event) {
   return write_apart([&] {
-    const absl::Status written = write();
+    absl::Status written = write();
     if (written.ok()) tell(event);
     return written;
   });
