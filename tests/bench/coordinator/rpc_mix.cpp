@@ -248,7 +248,7 @@ class Operator {
 
   void call() {
     const int turn = turn_++;
-    switch (turn % 7) {
+    switch (turn % 8) {
       case 0:
         timed("SetLimit", [&] { return client_.set_limit("licence", turn); });
         return;
@@ -266,6 +266,11 @@ class Operator {
         return;
       case 4:
         timed("ListWorkers", [&] { return client_.list_workers(); });
+        return;
+      case 6:
+        timed("SetShare", [&] { return client_.set_share("nobody", 1 + turn); });
+        timed("ListShares", [&] { return client_.list_shares(); });
+        timed("ResetShare", [&] { return client_.reset_share("nobody"); });
         return;
       case 5:
         timed("SetAsideWorker", [&] { return client_.set_aside_worker(used(turn), "a test"); });
