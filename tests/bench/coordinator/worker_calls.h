@@ -5,6 +5,8 @@
 #include <memory>
 #include <string>
 
+#include "absl/status/status.h"
+#include "tessera/v1/asset_service.grpc.pb.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
 #include "tests/bench/coordinator/rpc_figures.h"
 #include "tests/bench/coordinator/scene_upload.h"
