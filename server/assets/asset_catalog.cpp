@@ -21,6 +21,7 @@ bool AssetCatalog::has_asset(const contract::Digest& digest) {
     const MutexLock lock(mutex_);
     asked_[digest].time = now;
     if (asked_.size() > max_asked_) forget_asked(now);
+    if (lost_.count(digest) == 0) return true;
   }
   note_found(digest);
   return true;
@@ -205,8 +206,10 @@ void AssetCatalog::add_asset(const contract::Digest& digest, std::string bytes,
   pipeline_.post_write(
       [this, digest, bytes = std::move(bytes)] { return store_.assets().add(digest, bytes); },
       [this, digest, size, done = std::move(done)](const absl::Status& status) {
-        if (status.ok()) note_size(digest, size);
-        if (status.ok()) note_found(digest);
+        if (status.ok()) {
+          note_size(digest, size);
+          note_found(digest);
+        }
         if (is_over_quota()) pipeline_.post([this] { collect(); });
         done(status);
       });

@@ -50,24 +50,21 @@ HandshakeQueue::~HandshakeQueue() {
 
 void HandshakeQueue::add(const Connection& connection) {
   // A connection whose descriptor is used again has ended.
-  free_places([&](const Place& place) { return place.socket == connection.socket; });
+  std::erase_if(places_, [&](const Place& place) { return place.socket == connection.socket; });
   waiting_[address_key(connection.peer)].push_back(connection);
 }
 
-void HandshakeQueue::free_places(const std::function<bool(const Place&)>& is_free) {
-  const auto free_one = [&](const Place& place) {
-    if (!is_free(place)) return false;
-    const auto count = place_counts_.find(place.address);
-    if (--count->second == 0) place_counts_.erase(count);
-    return true;
-  };
-  places_.erase(std::remove_if(places_.begin(), places_.end(), free_one), places_.end());
+std::size_t HandshakeQueue::places_of(const std::string& address) const {
+  return static_cast<std::size_t>(
+      std::count_if(places_.begin(), places_.end(),
+                    [&](const Place& place) { return place.address == address; }));
 }
 
 std::vector<HandshakeQueue::Connection> HandshakeQueue::admit(Time now) {
   std::vector<Connection> admitted;
-  free_places(
-      [&](const Place& place) { return now - place.since >= kPlaceTime || is_over(place.socket); });
+  std::erase_if(places_, [&](const Place& place) {
+    return now - place.since >= kPlaceTime || is_over(place.socket);
+  });
   std::size_t passed_over = 0;  // addresses since the last one of which a connection was admitted
   while (places_.size() < kPlaces && passed_over < waiting_.size()) {
     auto turn = waiting_.upper_bound(last_admitted_);
@@ -75,7 +72,7 @@ std::vector<HandshakeQueue::Connection> HandshakeQueue::admit(Time now) {
     auto& [address, queue] = *turn;
     last_admitted_ = address;
     ++passed_over;
-    if (place_counts_[address] >= kPlacesOfOneAddress) continue;
+    if (places_of(address) >= kPlacesOfOneAddress) continue;
     while (!queue.empty() && is_given_up(queue.back().socket)) {
       ::close(queue.back().socket);
       queue.pop_back();
@@ -84,11 +81,9 @@ std::vector<HandshakeQueue::Connection> HandshakeQueue::admit(Time now) {
     if (!queue.empty()) {
       admitted.push_back(queue.back());
       places_.push_back({queue.back().socket, address, now});
-      ++place_counts_[address];
       queue.pop_back();
       passed_over = 0;
     }
-    if (place_counts_[address] == 0) place_counts_.erase(address);
     if (queue.empty()) waiting_.erase(turn);
   }
   return admitted;

@@ -5,8 +5,6 @@
 
 #include <chrono>
 #include <cstddef>
-#include <deque>
-#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -36,6 +34,7 @@ class HandshakeQueue {
     int listener = -1, socket = -1;
     sockaddr_storage peer{};
   };
+
   HandshakeQueue() = default;
   ~HandshakeQueue();  // closes the waiting connections
   HandshakeQueue(const HandshakeQueue&) = delete;
@@ -57,11 +56,10 @@ class HandshakeQueue {
     std::string address;
     Time since;
   };
-  void free_places(const std::function<bool(const Place&)>& is_free);
+  std::size_t places_of(const std::string& address) const;
 
   // By address, without the port; of IPv6, the /64 network, because a host may use all of it.
-  std::map<std::string, std::deque<Connection>> waiting_;  // no empty queues
-  std::map<std::string, std::size_t> place_counts_;        // no zeros
+  std::map<std::string, std::vector<Connection>> waiting_;  // oldest first; no empty ones
   std::vector<Place> places_;
   std::string last_admitted_;  // address
 };

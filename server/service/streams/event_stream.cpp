@@ -10,6 +10,7 @@
 #include "server/service/messages/messages.h"
 #include "server/service/quotas/refusal.h"
 #include "server/service/streams/polling_stream.h"
+#include "server/service/streams/stream_link.h"
 #include "server/sync/mutex.h"
 
 namespace tessera::server {
@@ -26,18 +27,12 @@ class EventStream;
 /// Wakes the stream until that is done.
 class StreamReader final : public EventReader {
  public:
-  explicit StreamReader(EventStream& stream) : stream_(&stream) {}
+  explicit StreamReader(EventStream& stream) : link_(stream) {}
   void wake() override;
-  void detach() {
-    const MutexLock lock(mutex_);
-    stream_ = nullptr;
-  }
+  void detach() { link_.detach(); }
 
  private:
-  /// Held during calls of the stream, so that it is not destroyed.
-  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kConnection)
-      ABSL_ACQUIRED_BEFORE(lock_order::kStream){lock_order::kConnection};
-  EventStream* stream_ ABSL_GUARDED_BY(mutex_);
+  StreamLink<EventStream> link_;
 };
 
 /// Sends new events when there are some. Those that are no longer in memory are read from the
@@ -143,8 +138,7 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
 };
 
 void StreamReader::wake() {
-  const MutexLock lock(mutex_);
-  if (stream_ != nullptr) stream_->wake();
+  link_.with([](EventStream& stream) { stream.wake(); });
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 #include "server/service/access/protocol_check.h"
 #include "server/service/messages/job_messages.h"
 #include "server/service/messages/messages.h"
+#include "server/service/streams/stream_link.h"
 #include "server/sync/mutex.h"
 
 namespace tessera::server {
@@ -109,20 +110,14 @@ class WorkStream;
 /// The coordinator's reference to a stream; outlives it and then does nothing.
 class StreamConnection final : public WorkerConnection {
  public:
-  explicit StreamConnection(WorkStream& stream) : stream_(&stream) {}
+  explicit StreamConnection(WorkStream& stream) : link_(stream) {}
   void wake() override;
   void close(const absl::Status& reason) override;
   void cut();
-  void detach() {
-    const MutexLock lock(mutex_);
-    stream_ = nullptr;
-  }
+  void detach() { link_.detach(); }
 
  private:
-  /// Held during calls of the stream, so that it is not destroyed.
-  Mutex mutex_ ABSL_ACQUIRED_AFTER(lock_order::kConnection)
-      ABSL_ACQUIRED_BEFORE(lock_order::kStream){lock_order::kConnection};
-  WorkStream* stream_ ABSL_GUARDED_BY(mutex_);
+  StreamLink<WorkStream> link_;
 };
 
 class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse> {
@@ -338,18 +333,15 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
 };
 
 void StreamConnection::wake() {
-  const MutexLock lock(mutex_);
-  if (stream_ != nullptr) stream_->pump();
+  link_.with([](WorkStream& stream) { stream.pump(); });
 }
 
 void StreamConnection::close(const absl::Status& reason) {
-  const MutexLock lock(mutex_);
-  if (stream_ != nullptr) stream_->finish(reason);
+  link_.with([&](WorkStream& stream) { stream.finish(reason); });
 }
 
 void StreamConnection::cut() {
-  const MutexLock lock(mutex_);
-  if (stream_ != nullptr) stream_->cut();
+  link_.with([](WorkStream& stream) { stream.cut(); });
 }
 
 }  // namespace
