@@ -128,6 +128,12 @@ std::string described(const CLI::Option& option, const std::string& last) {
 
 class HelpFormatter : public CLI::Formatter {
  public:
+  std::string make_option_name(const CLI::Option* option, bool is_positional) const override {
+    // CLI11 writes {false} behind the negative name of a flag.
+    return absl::StrReplaceAll(CLI::Formatter::make_option_name(option, is_positional),
+                               {{"{false}", ""}});
+  }
+
   std::string make_option_opts(const CLI::Option* option) const override {
     if (!option->nonpositional()) return "";
     const std::string value = value_of(*option).name;

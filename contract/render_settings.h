@@ -78,11 +78,14 @@ struct RenderSettings {
   double clamp = 0;   // maximum radiance per sample and channel; 0: off
   bool cull_backfaces = false;
   /// Paths follow the directions of photons as well as the BSDF. Changes the noise, not the
-  /// expected image.
-  bool guiding = false;
+  /// expected image. Unset: if the job has a target error. See is_guided().
+  std::optional<bool> guiding;
   /// Acceleration structure: one of kStructureNames, or empty for the production BVH. Pixels do not
   /// depend on it.
   std::string accelerator;
+
+  /// Returns whether frames are guided if they gain from it.
+  bool is_guided() const { return guiding.value_or(error.has_value()); }
 
   /// Returns the part of the frame that is rendered.
   PixelRect window() const { return crop.value_or(PixelRect{0, 0, width, height}); }

@@ -190,7 +190,7 @@ v1::RenderSettings to_message(const RenderSettings& settings) {
   message.set_half(settings.half);
   message.set_clamp(settings.clamp);
   message.set_cull_backfaces(settings.cull_backfaces);
-  message.set_guiding(settings.guiding);
+  if (settings.guiding) message.set_guiding(*settings.guiding);
   message.set_accelerator(settings.accelerator);
   if (settings.error) message.set_error_target(*settings.error);
   return message;
@@ -242,7 +242,7 @@ absl::StatusOr<RenderSettings> from_message(const v1::RenderSettings& message) {
   settings.half = message.half();
   settings.clamp = message.clamp();
   settings.cull_backfaces = message.cull_backfaces();
-  settings.guiding = message.guiding();
+  if (message.has_guiding()) settings.guiding = message.guiding();
   settings.accelerator = message.accelerator();
   if (message.has_error_target()) settings.error = message.error_target();
   if (absl::Status status = check(settings); !status.ok()) return status;

@@ -231,7 +231,8 @@ void add_debug_pixel_options(CLI::App& command, DebugPixelConfig& config, DebugP
   command.add_option("--max-depth", settings.max_depth, "Maximum scattering events per path")
       ->check(CLI::Range(1, 255))
       ->capture_default_str();
-  command.add_flag("--guiding", settings.guiding, "Guide paths by photons");
+  command.add_flag_callback(
+      "--guiding", [&settings] { settings.guiding = true; }, "Guide paths by photons");
   command.add_option("--environment", config.environment, "Environment map, latitude-longitude")
       ->type_name("FILE");
   command.footer(

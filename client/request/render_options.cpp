@@ -151,7 +151,13 @@ void add_sampling_options(CLI::App& command, RenderOptions& options) {
       ->check(cli::finite_range(1e-3, 64.0))
       ->type_name("W")
       ->group(group);
-  add_guiding_option(command, options.guiding)->group(group);
+  command
+      .add_flag_function(
+          "--guiding,!--no-guiding",
+          [&options](std::int64_t count) { options.guiding = count > 0; },
+          "Guide paths by photons: less noise where light comes through glass or narrow openings "
+          "(default: with --error)")
+      ->group(group);
   command
       .add_option("--clamp", options.clamp,
                   "Maximum radiance per sample and channel (default: off); clamped images are not "
@@ -220,12 +226,6 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
   command.add_flag("--half", options.half, "Write half-precision floats to EXR files")
       ->group(group);
   add_accelerator_option(command, options.accelerator)->group("Comparison");
-}
-
-CLI::Option* add_guiding_option(CLI::App& command, bool& guiding) {
-  return command.add_flag("--guiding", guiding,
-                          "Guide paths by photons: less noise where light comes through glass or "
-                          "narrow openings");
 }
 
 CLI::Option* add_accelerator_option(CLI::App& command, std::string& accelerator) {

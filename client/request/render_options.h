@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,7 +27,8 @@ struct RenderOptions {
   std::int64_t seed = 0;
   double filter_width = 0;  // pixels; 0: the default of the filter
   double environment_rotation = 0, environment_strength = 1;
-  bool half = false, denoise = false, cull_backfaces = false, guiding = false;
+  bool half = false, denoise = false, cull_backfaces = false;
+  std::optional<bool> guiding;  // unset: with --error
   double clamp = 0;
   std::string accelerator;  // empty: the production BVH
 };
@@ -34,9 +36,6 @@ struct RenderOptions {
 /// Adds SCENE and the render options to a command. Invalid values are CLI11 errors that name the
 /// option.
 void add_render_options(CLI::App& command, RenderOptions& options);
-
-/// Adds --guiding.
-CLI::Option* add_guiding_option(CLI::App& command, bool& guiding);
 
 /// Adds --accelerator NAME, which must be one of contract::kStructureNames.
 CLI::Option* add_accelerator_option(CLI::App& command, std::string& accelerator);

@@ -59,8 +59,10 @@ ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingSta
     if (stopping.is_futile) {
       absl::StrAppend(&reason, "; the samples left up to --max-spp would not meet the target");
     }
-    if (!settings.guiding) {
-      absl::StrAppend(&reason, "; --guiding helps with light through glass or narrow openings");
+    if (!settings.is_guided()) {
+      absl::StrAppend(&reason,
+                      "; without --no-guiding there is less noise where light comes through glass "
+                      "or narrow openings");
     }
     add_reason(reason);
   }

@@ -164,6 +164,8 @@ absl::StatusOr<std::shared_ptr<JobSpec>> JobAdmin::spec_to_extend(
   if (status.ok()) status = check_extension(job->spec->settings, extension);
   if (!status.ok()) return status;
   auto spec = std::make_shared<JobSpec>(*job->spec);
+  // The samples that exist, and the frames that renderers have loaded, are guided or not.
+  spec->settings.guiding = spec->settings.is_guided();
   if (extension.spp) spec->settings.spp = *extension.spp;
   if (extension.error) spec->settings.error = extension.error;
   status = check_owners_quota(view, *spec, assets_use(spec->owner));

@@ -68,7 +68,7 @@ json settings_json(const contract::RenderSettings& s) {
                    {"denoise", s.denoise},
                    {"clamp", s.clamp},
                    {"cull_backfaces", s.cull_backfaces},
-                   {"guiding", s.guiding},
+                   {"guiding", s.is_guided()},
                    {"aov_bits", s.aovs}};
   settings["scene"] = s.scene >= 0 ? json(s.scene) : json(nullptr);
   return settings;

@@ -2,7 +2,7 @@
 # Tests the error claims of --error with many seeds on a battery of small scenes, some with rare events.
 #
 #   tests/bench/coverage.sh [--seeds N (400)] [--bin DIR (build/dev/bin)] [--jobs N (cores)]
-#                           [--results FILE.jsonl] [--out FILE.md] [--denoise] [--guiding]
+#                           [--results FILE.jsonl] [--out FILE.md] [--denoise] [--no-guiding]
 #                           [--size WxH (64x64)] [--error-scale FACTOR (1)] [SCENE…]
 #
 # With --denoise the claims are about denoised frames, and only whether they hold is judged.

@@ -186,7 +186,7 @@ std::vector<Ray> views(const CameraRays& camera, const contract::RenderSettings&
 std::unique_ptr<const Guide> guide_of(PhotonScene scene, const CameraRays& camera,
                                       const contract::RenderSettings& settings,
                                       const ParallelFor& parallel_for) {
-  if (!settings.guiding) return nullptr;
+  if (!settings.is_guided()) return nullptr;
   const std::vector<Ray> rays = views(camera, settings, scene.frame);
   scene.camera_rays = rays;
   scene.pixels = std::int64_t{settings.width} * settings.height;

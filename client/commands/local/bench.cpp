@@ -265,7 +265,7 @@ void add_bench_command(CLI::App& app, Invocation& invocation) {
                    "Environment map of all scenes, the same file as for the references")
       ->type_name("FILE");
   add_accelerator_option(*command, options->accelerator);
-  add_guiding_option(*command, options->guiding);
+  command->add_flag("--guiding", options->guiding, "Guide paths by photons");
   command->add_flag("--json", options->json, "Print JSON (tessera.bench/1)");
   command->footer(
       "Prints relMSE against the reference and CPU seconds (median and range over seeds), CPU "

@@ -117,13 +117,14 @@ def main():
     parser = parser_of(__doc__, seeds=400)
     parser.add_argument("scenes", nargs="*")
     parser.add_argument("--denoise", action="store_true")
-    parser.add_argument("--guiding", action="store_true")
+    parser.add_argument("--no-guiding", action="store_true")
     parser.add_argument("--size", default="64x64")
     parser.add_argument("--error-scale", type=float, default=1)
     options = parser.parse_args()
     width, height = options.size.split("x")
     options.extra = [] if options.size == "64x64" else ["--width", width, "--height", height]
-    options.extra += [f"--{name}" for name in ("denoise", "guiding") if getattr(options, name)]
+    options.extra += ["--denoise"] if options.denoise else []
+    options.extra += ["--no-guiding"] if options.no_guiding else []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         subprocess.run([sys.executable, str(Path(__file__).with_name("make_scenes.py")), name],

@@ -19,7 +19,10 @@ void add_run_options(CLI::App& app, RunOptions& options, std::int32_t max_spp) {
   app.add_option("--height", settings.height);
   app.add_option("--tile", settings.tile);
   app.add_option("--max-depth", settings.max_depth);
-  app.add_flag("--guiding", settings.guiding, "Guide paths by photons, also of the reference");
+  settings.guiding = true;  // as by default in jobs with a target error
+  app.add_flag_callback(
+      "--no-guiding", [&settings] { settings.guiding = false; },
+      "Do not guide paths by photons, neither those of the reference");
   app.add_option("--environment", settings.environment, "A file in the scene's folder");
 }
 

@@ -147,7 +147,12 @@ TEST(RenderOptions, EachOptionSetsItsField) {
   EXPECT_TRUE(settings->half);
   EXPECT_EQ(settings->clamp, 10);
   EXPECT_TRUE(settings->cull_backfaces);
-  EXPECT_TRUE(settings->guiding);
+  EXPECT_EQ(settings->guiding, true);
+}
+
+TEST(RenderOptions, GuidingIsUnsetUntilChosen) {
+  EXPECT_EQ(settings_of(parsed({"scene.glb"}), "")->guiding, std::nullopt);
+  EXPECT_EQ(settings_of(parsed({"scene.glb", "--no-guiding"}), "")->guiding, false);
 }
 
 TEST(RenderOptions, ErrorNamesWrongOption) {

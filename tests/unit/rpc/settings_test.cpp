@@ -74,6 +74,19 @@ TEST(SettingsMessage, EveryFieldRoundTrips) {
   }
 }
 
+TEST(SettingsMessage, JobsWithErrorAreGuidedByDefault) {
+  RenderSettings settings;
+  EXPECT_FALSE(settings.is_guided());
+  settings.error = 0.05;
+  EXPECT_TRUE(settings.is_guided());
+  for (const bool guiding : {false, true}) {
+    settings.guiding = guiding;
+    const absl::StatusOr<RenderSettings> back = from_message(to_message(settings));
+    ASSERT_TRUE(back.ok()) << back.status();
+    EXPECT_EQ(back->is_guided(), guiding);
+  }
+}
+
 TEST(SettingsMessage, RangeErrorNamesField) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();

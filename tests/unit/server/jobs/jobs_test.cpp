@@ -139,6 +139,15 @@ TEST_F(JobsTest, ExtendedJobMatchesLongerJob) {
   EXPECT_EQ(pixels_of(job), pixels_of(longer));
 }
 
+TEST_F(JobsTest, ExtensionByErrorDoesNotGuideExistingJob) {
+  const std::string job = create_job("fixed", 32);
+  coordinator->jobs().extend_job(job, {{}, 0.1}, [](const auto& /*view*/) {});
+  pump();
+  const contract::RenderSettings& settings = coordinator->queries().job(job)->spec->settings;
+  EXPECT_EQ(settings.error, 0.1);
+  EXPECT_FALSE(settings.is_guided()) << "the samples of pass 0 are not, and loaded frames are not";
+}
+
 /// Gives the store's jobs an older render contract, as after an upgrade.
 void age_jobs(MemoryStore& store) {
   const std::vector<JobRecord> jobs = store.jobs().list().value();
