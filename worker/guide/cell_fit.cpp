@@ -28,6 +28,8 @@ constexpr float kMinVariance = 0.1f;
 /// Probability of following the guide: 0 below kMinGain, kMaxProbability for an infinite gain.
 /// Measured: docs/notes/guiding.md.
 constexpr float kMinGain = 1.5f, kMaxProbability = 0.75f;
+/// Images with a smaller gain are left to the tree.
+constexpr float kMinImageGain = 16;
 
 Box3f padded_box(std::span<const Photon> photons) {
   Box3f box;
@@ -150,23 +152,51 @@ float saving_of(float gain, float share, float probability) {
   return share * share * (gain - gain / (1 + probability * (gain - 1)));
 }
 
-}  // namespace
+/// Adds the images whose light causes much variance. `whole`: share of the cell's light that only
+/// paths find.
+void add_images(std::span<const WayImage> images, float whole, CellFit* fit) {
+  for (const WayImage& of_way : images) {
+    const float share = whole * of_way.share, gain = of_way.fit.gain;
+    if (!(gain > kMinImageGain && (gain - 1) * share * share > kMinVariance)) continue;
+    fit->images.push_back(of_way.fit.image);
+    // Sampled with a probability p, such light has the mean square share²/p, and the rest of the
+    // light, if it has little variance, 1/(1 − p). The sum is least here.
+    const float probability = share / (1 + share);
+    fit->images.back().share = probability;
+    fit->saving += saving_of(gain, share, probability);
+    fit->probability += probability;
+  }
+}
 
-CellFit fit_cell(std::span<const Photon> photons) {
-  CellFit fit;
+void add_tree(std::span<const Photon> photons, float share, CellFit* fit) {
   const auto second = std::count_if(photons.begin(), photons.end(),
                                     [](const Photon& photon) { return photon.in_second_half(); });
   const auto first = std::ssize(photons) - second;
-  if (first + second < kMinPhotons || std::min(first, second) < kMinPhotons / 4) return fit;
+  if (first + second < kMinPhotons || std::min(first, second) < kMinPhotons / 4) return;
+  fit->radius = best_radius(some_of(photons), *fit);
+  const Projection projection(photons, fit->centre, fit->radius);
+  const auto gain = static_cast<float>(projection.predict().gain);
+  fit->tree_share = probability_of(gain, share);
+  if (!(fit->tree_share > 0)) return;
+  fit->tree = projection.tree();
+  fit->saving += saving_of(gain, share, fit->tree_share);
+  fit->probability += fit->tree_share;
+}
+
+}  // namespace
+
+CellFit fit_cell(std::span<const Photon> photons, std::span<const WayImage> images) {
+  CellFit fit;
+  if (photons.empty()) return fit;
   fit.box = padded_box(photons);
   fit.centre = (fit.box.lo + fit.box.hi) * 0.5f;
-  fit.radius = best_radius(some_of(photons), fit);
-  const Projection projection(photons, fit.centre, fit.radius);
-  fit.gain = static_cast<float>(projection.predict().gain);
   const float share = mean_share(photons);
-  fit.probability = probability_of(fit.gain, share);
-  fit.saving = saving_of(fit.gain, share, fit.probability);
-  if (fit.probability > 0) fit.tree = projection.tree();
+  add_images(images, share, &fit);
+  add_tree(photons, share, &fit);
+  if (!(fit.probability > 0)) return fit;
+  fit.tree_share /= fit.probability;
+  for (LightImage& image : fit.images) image.share /= fit.probability;
+  fit.probability = std::min(fit.probability, kMaxProbability);
   return fit;
 }
 

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <utility>
 
 #include "worker/geometry/object_ray.h"
-#include "worker/guide/cell_fit.h"
 #include "worker/guide/octahedral.h"
 #include "worker/guide/recentred.h"
 #include "worker/guide/visible_region.h"
@@ -14,6 +15,8 @@ namespace {
 
 /// Cells with more photons are divided. Measured: docs/notes/guiding.md.
 constexpr std::size_t kMaxPhotons = 1024;
+/// Photons of one way that an image is fitted to, at least.
+constexpr std::size_t kMinWayPhotons = 16;
 constexpr std::uint32_t kLeaf = 3, kUnguided = 4;  // axes of nodes that are not divided
 
 int longest_axis(std::span<const Photon> photons) {
@@ -60,6 +63,43 @@ Division divide_across(int axis, std::span<Photon> photons) {
   return {plane, static_cast<std::size_t>(above - photons.begin())};
 }
 
+/// The ways with enough photons in a part of space, but too few in one of the parts that it is
+/// divided into: the first `below` photons and the others.
+std::vector<std::uint64_t> ways_to_fit(std::span<const Photon> photons, std::size_t below) {
+  std::map<std::uint64_t, std::array<std::size_t, 2>> counts;
+  for (std::size_t i = 0; i < photons.size(); ++i) {
+    if (photons[i].way != 0) ++counts[photons[i].way][i < below ? 0 : 1];
+  }
+  std::vector<std::uint64_t> ways;
+  for (const auto& [way, count] : counts) {
+    const std::size_t all = count[0] + count[1];
+    if (all >= kMinWayPhotons && std::min(count[0], count[1]) < kMinWayPhotons) ways.push_back(way);
+  }
+  return ways;
+}
+
+/// The image that the photons of a way come from, among all photons of a part of space.
+WayImage image_of(std::uint64_t way, std::span<const Photon> photons) {
+  WayImage image;
+  std::vector<Photon> of_way;
+  double flux = 0, all = 0;
+  for (const Photon& photon : photons) {
+    all += double{photon.flux};
+    if (photon.way != way) continue;
+    flux += double{photon.flux};
+    of_way.push_back(photon);
+  }
+  image.share = static_cast<float>(flux / all);
+  if (const auto fit = fit_light_image(of_way)) image.fit = *fit;
+  return image;
+}
+
+void for_each_index(const ParallelFor& parallel_for, std::size_t count,
+                    const std::function<void(std::size_t)>& body) {
+  parallel_for(static_cast<std::int64_t>(count),
+               [&](std::int64_t i) { body(static_cast<std::size_t>(i)); });
+}
+
 template <typename T>
 void append_bytes(const T& value, std::vector<std::byte>* bytes) {
   const auto* data = reinterpret_cast<const std::byte*>(&value);
@@ -68,26 +108,41 @@ void append_bytes(const T& value, std::vector<std::byte>* bytes) {
 
 }  // namespace
 
-Vec3f GuideLobe::sample(const Vec2f& u) const {
+Vec3f GuideLobe::sample(float choice, const Vec2f& u) const {
+  float below = tree_share;
+  for (const LightImage& image : images) {
+    if (choice < below) break;
+    below += image.share;
+    // Rounded shares may end a little below 1.
+    if (choice < below || &image == &images.back()) return image.sample(position, u);
+  }
   const Vec2f point = sample_direction_tree(tree, u);
   return direction_from(offset, octahedral::direction_of_square(point), radius);
 }
 
 float GuideLobe::pdf(const Vec3f& direction) const {
+  float density = 0;
+  for (const LightImage& image : images) density += image.share * image.pdf(position, direction);
+  if (!(tree_share > 0)) return density;
   const Recentred seen = recentred(offset, direction, radius);
-  return direction_tree_density(tree, octahedral::square_of(seen.direction)) *
-         octahedral::density(seen.direction) * seen.scale;
+  return density +
+         tree_share * (direction_tree_density(tree, octahedral::square_of(seen.direction)) *
+                       octahedral::density(seen.direction) * seen.scale);
 }
 
-void Guide::divide(std::span<Photon> photons, std::size_t node, const Range& range,
-                   std::vector<Range>* cells) {
+void Guide::divide(std::span<Photon> photons, std::size_t node, CellRange part, Parts* parts) {
+  const Range range = part.range;
   const std::size_t count = range.last - range.first;
   const std::span<Photon> all = photons.subspan(range.first, count);
   const int axis = longest_axis(all);
   const Division division = count > kMaxPhotons ? divide_across(axis, all) : Division{0, count};
+  for (const std::uint64_t way : ways_to_fit(all, division.below)) {
+    part.ways[way] = parts->ways.size();
+    parts->ways.push_back({way, range});
+  }
   if (division.below == count) {
-    nodes_[node] = {0, kLeaf, static_cast<std::uint32_t>(cells->size())};
-    cells->push_back(range);
+    nodes_[node] = {0, kLeaf, static_cast<std::uint32_t>(parts->cells.size())};
+    parts->cells.push_back(std::move(part));
     return;
   }
   const std::size_t middle = range.first + division.below;
@@ -95,8 +150,8 @@ void Guide::divide(std::span<Photon> photons, std::size_t node, const Range& ran
   nodes_[node] = {division.plane, static_cast<std::uint32_t>(axis),
                   static_cast<std::uint32_t>(below)};
   nodes_.resize(below + 2);
-  divide(photons, below, {range.first, middle}, cells);
-  divide(photons, below + 1, {middle, range.last}, cells);
+  divide(photons, below, {{range.first, middle}, part.ways}, parts);
+  divide(photons, below + 1, {{middle, range.last}, std::move(part.ways)}, parts);
 }
 
 std::unique_ptr<const Guide> Guide::from_photons(std::vector<Photon> photons,
@@ -105,31 +160,46 @@ std::unique_ptr<const Guide> Guide::from_photons(std::vector<Photon> photons,
   std::stable_sort(photons.begin(), photons.end(), [](const Photon& a, const Photon& b) {
     return facing(a.normal) < facing(b.normal);
   });
-  std::vector<Range> ranges;
+  Parts parts;
   guide->nodes_.resize(guide->roots_.size());
   std::size_t first = 0;
   for (std::size_t side = 0; side < guide->roots_.size(); ++side) {
     std::size_t last = first;
     while (last < photons.size() && facing(photons[last].normal) == side) ++last;
     guide->roots_[side] = static_cast<std::uint32_t>(side);
-    guide->divide(photons, side, {first, last}, &ranges);
+    guide->divide(photons, side, {{first, last}, {}}, &parts);
     first = last;
   }
-  std::vector<CellFit> fits(ranges.size());
-  parallel_for(static_cast<std::int64_t>(ranges.size()), [&](std::int64_t i) {
-    const Range& range = ranges[static_cast<std::size_t>(i)];
-    const auto cell = std::span(photons).subspan(range.first, range.last - range.first);
+  const auto photons_in = [&](const Range& range) {
+    return std::span(photons).subspan(range.first, range.last - range.first);
+  };
+  for_each_index(parallel_for, parts.cells.size(), [&](std::size_t i) {
+    const std::span<Photon> cell = photons_in(parts.cells[i].range);
     std::sort(cell.begin(), cell.end(), is_before);
-    fits[static_cast<std::size_t>(i)] = fit_cell(cell);
   });
-  for (const CellFit& fit : fits) {
-    guide->cells_.push_back({fit.box, fit.centre, fit.radius, fit.probability, fit.saving,
-                             static_cast<std::uint32_t>(guide->trees_.size())});
-    guide->trees_.insert(guide->trees_.end(), fit.tree.begin(), fit.tree.end());
-  }
-  if (guide->trees_.empty()) return nullptr;
+  std::vector<WayImage> images(parts.ways.size());
+  for_each_index(parallel_for, images.size(), [&](std::size_t i) {
+    images[i] = image_of(parts.ways[i].way, photons_in(parts.ways[i].range));
+  });
+  std::vector<CellFit> fits(parts.cells.size());
+  for_each_index(parallel_for, fits.size(), [&](std::size_t i) {
+    std::vector<WayImage> seen;
+    for (const auto& [way, index] : parts.cells[i].ways) seen.push_back(images[index]);
+    fits[i] = fit_cell(photons_in(parts.cells[i].range), seen);
+  });
+  for (const CellFit& fit : fits) guide->add_cell(fit);
+  if (guide->trees_.empty() && guide->images_.empty()) return nullptr;
   for (const std::uint32_t root : guide->roots_) guide->remove_unguided(root);
   return guide;
+}
+
+void Guide::add_cell(const CellFit& fit) {
+  cells_.push_back({fit.box, fit.centre, fit.radius, fit.probability, fit.saving, fit.tree_share,
+                    static_cast<std::uint32_t>(trees_.size()),
+                    static_cast<std::uint32_t>(images_.size()),
+                    static_cast<std::uint32_t>(fit.images.size())});
+  trees_.insert(trees_.end(), fit.tree.begin(), fit.tree.end());
+  images_.insert(images_.end(), fit.images.begin(), fit.images.end());
 }
 
 /// Ends the tree where no cell is guided, so that at() is fast there. Returns whether one is.
@@ -159,7 +229,13 @@ const Guide::Cell* Guide::find(const Vec3f& position, const Vec3f& normal) const
 GuideLobe Guide::at(const Vec3f& position, const Vec3f& normal) const {
   const Cell* cell = find(position, normal);
   if (cell == nullptr) return {};
-  return {cell->probability, cell->radius, position - cell->centre, &trees_[cell->tree]};
+  return {cell->probability,
+          cell->tree_share,
+          cell->radius,
+          position - cell->centre,
+          trees_.data() + cell->tree,
+          position,
+          std::span(images_).subspan(cell->first_image, cell->image_count)};
 }
 
 float Guide::saving(const Vec3f& position, const Vec3f& normal) const {
@@ -169,7 +245,8 @@ float Guide::saving(const Vec3f& position, const Vec3f& normal) const {
 
 std::int64_t Guide::memory_bytes() const {
   return static_cast<std::int64_t>(nodes_.size() * sizeof(KdNode) + cells_.size() * sizeof(Cell) +
-                                   trees_.size() * sizeof(DirectionNode));
+                                   trees_.size() * sizeof(DirectionNode) +
+                                   images_.size() * sizeof(LightImage));
 }
 
 std::vector<std::byte> Guide::fingerprint() const {
@@ -177,6 +254,7 @@ std::vector<std::byte> Guide::fingerprint() const {
   for (const KdNode& node : nodes_) append_bytes(node, &bytes);
   for (const Cell& cell : cells_) append_bytes(cell, &bytes);
   for (const DirectionNode& node : trees_) append_bytes(node, &bytes);
+  for (const LightImage& image : images_) append_bytes(image, &bytes);
   return bytes;
 }
 

@@ -9,7 +9,7 @@ bool sample_guided(const Bsdf& bsdf, const GuideLobe& lobe, const Vec4f& u, Bsdf
   const float probability = lobe.probability;
   BsdfValue value;
   if (u.z < probability) {
-    next->wi = lobe.sample({u.x, u.y});
+    next->wi = lobe.sample(u.z / probability, {u.x, u.y});
     next->delta = false;
     next->transmitted = dot(next->wi, bsdf.frame.geometric_normal) < 0;
     value = evaluate_bsdf(bsdf, next->wi);

@@ -14,6 +14,9 @@ struct Photon {
   float flux = 0;   // luminance, relative to the mean of emitted photons; above 0
   float share = 1;  // of light that light sampling does not find, among all that arrives about
                     // here; 0: this photon is of light that light sampling finds
+  /// Key of its light and of the mirrors and lenses on its way; 0 if there are none, or if a
+  /// surface that is not smooth scattered it.
+  std::uint64_t way = 0;
   std::uint64_t path = 0;  // key of its random numbers; in a chain, of the path that it starts from
 
   /// Photons of different halves do not depend on each other.

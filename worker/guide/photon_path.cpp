@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "worker/geometry/surface_point.h"
+#include "worker/sampling/hash.h"
 
 namespace tessera::render {
 namespace {
@@ -34,6 +35,7 @@ void PhotonPath::trace(const PhotonSource& source, const VisibleRegion& region,
   flux_ = emission->flux;
   is_found_ = emission->is_found;
   is_point_ = emission->is_point;
+  way_ = emission->light;
   if (scene_.moves) ray_.time = random_.next();
   walk();
 }
@@ -68,7 +70,7 @@ bool PhotonPath::step() {
   if (region_ != nullptr && has_smooth_density(bsdf) &&
       region_->contains({position.position, bsdf.frame.geometric_normal})) {
     stored_->push_back({position.position, -ray_.direction, bsdf.frame.geometric_normal,
-                        luminance(flux_), is_found_ ? 0.0f : 1.0f, key_});
+                        luminance(flux_), is_found_ ? 0.0f : 1.0f, depth_ == 0 ? 0 : way_, key_});
   }
   return scatter(bsdf, hit.id, position);
 }
@@ -110,6 +112,10 @@ bool PhotonPath::scatter(const Bsdf& bsdf, const TriangleId& id, const SurfacePo
   // surface.
   if (is_point_ && next.delta) return false;
   is_point_ = false;
+  if (way_ != 0) {
+    const std::uint64_t surface = combine(pack(id.instance, id.primitive), next.transmitted);
+    way_ = next.delta ? combine(way_, surface) : 0;
+  }
   const Vec3f after = flux_ * next.weight;
   const float survival = luminance(after) / luminance(flux_);
   if (!(survival > 0)) return false;

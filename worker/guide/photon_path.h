@@ -81,6 +81,7 @@ class PhotonPath {
   MovedSurface memory_;
   Ray ray_;
   Vec3f flux_;
+  std::uint64_t way_ = 0;  // Photon::way, before the first mirror or lens of the light alone
   bool is_found_ = true;   // light sampling finds this light at the next surface
   bool is_point_ = false;  // comes straight from a light that no ray can hit
   std::int32_t depth_ = 0;

@@ -129,6 +129,8 @@ std::optional<PhotonSource::Emission> PhotonSource::emit(PhotonRandom* random) c
       break;
   }
   if (!emission) return emission;
+  emission->light = combine(pack(light.triangle.instance, light.triangle.primitive),
+                            static_cast<std::uint64_t>(light.kind));
   emission->flux *= static_cast<float>(1 / (double{chosen.pdf} * choice_.total()));
   if (!(luminance(emission->flux) > 0)) emission.reset();
   return emission;

@@ -70,9 +70,10 @@ class PhotonSource {
 
   struct Emission {
     Ray ray;
-    Vec3f flux;             // relative to the mean of all photons
-    bool is_found = true;   // light sampling finds this light at the first surface
-    bool is_point = false;  // no ray can hit this light
+    Vec3f flux;               // relative to the mean of all photons
+    bool is_found = true;     // light sampling finds this light at the first surface
+    bool is_point = false;    // no ray can hit this light
+    std::uint64_t light = 0;  // key of a mesh, a shape or the environment
   };
   /// One photon; nullopt if the point chosen emits nothing.
   std::optional<Emission> emit(PhotonRandom* random) const;

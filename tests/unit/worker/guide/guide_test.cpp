@@ -3,10 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
 #include <vector>
 
 #include "worker/geometry/frame.h"
+#include "worker/guide/light_image.h"
 #include "worker/guide/octahedral.h"
 #include "worker/guide/photon_source.h"
 #include "worker/guide/photon_store.h"
@@ -133,7 +136,7 @@ double excess_chi_square(const GuideLobe& lobe, int samples) {
   std::vector<double> counts(kBins * kBins), expected(kBins * kBins);
   PhotonRandom random(11);
   for (int i = 0; i < samples; ++i) {
-    const Vec2f p = octahedral::square_of(lobe.sample(random.next_2d()));
+    const Vec2f p = octahedral::square_of(lobe.sample(random.next(), random.next_2d()));
     ++counts[static_cast<std::size_t>(p.y * kBins) * kBins + static_cast<std::size_t>(p.x * kBins)];
   }
   const int fine = 64;
@@ -162,7 +165,7 @@ TEST(GuideLobe, PdfMatchesSamplesAndIntegratesToOne) {
   auto points = lobes(2000);
   const auto tree = build_direction_tree(points);
   for (const float radius : {0.0f, 0.9f, 4.0f}) {
-    const GuideLobe lobe{0.5f, radius, {0.3f, -0.4f, 0.1f}, tree.data()};
+    const GuideLobe lobe{0.5f, 1, radius, {0.3f, -0.4f, 0.1f}, tree.data(), {}, {}};
     // With a radius the leaves' borders are not those of the grid. The narrow lobe, half of the
     // density, covers at least 400 of its cells; some 80 at its border are right by 0.3 cells each,
     // so the sum by 2.6 cells (one standard deviation), or 3e-3 of the whole.
@@ -171,6 +174,42 @@ TEST(GuideLobe, PdfMatchesSamplesAndIntegratesToOne) {
         << radius;
     EXPECT_LT(excess_chi_square(lobe, 200'000), 5) << radius;  // 3e-7 by chance
   }
+}
+
+TEST(GuideLobe, ImagesAndTreeTogetherAreOneDistribution) {
+  auto points = lobes(2000);
+  const auto tree = build_direction_tree(points);
+  const Vec3f place{0.5f, 0, -0.2f};
+  // The light of the first comes from a place, that of the second is parallel, and the third is
+  // seen from within.
+  const std::array<LightImage, 3> images = {
+      {{{0.7f, 1.5f, 0.3f}, {Vec3f{-1, 0, 0}, Vec3f{0, -1, 0}, Vec3f{0, 0.2f, -1}}, 0.3f, 0.3f},
+       {{-0.5f, 0.8f, 0.3f}, {}, 0.5f, 0.2f},
+       {place, {Vec3f{-1, 0, 0}, Vec3f{0, -1, 0}, Vec3f{0, 0, -1}}, 0.5f, 0.1f}}};
+  const GuideLobe lobe{0.5f, 0.4f, 0, {0.3f, -0.4f, 0.1f}, tree.data(), place, images};
+  EXPECT_NEAR(sphere_integral(2048, [&](const Vec3f& d) { return lobe.pdf(d); }), 1, 1e-3);
+  EXPECT_LT(excess_chi_square(lobe, 200'000), 5);  // 3e-7 by chance
+  const GuideLobe without_tree{0.5f, 0, 0, {}, nullptr, place, std::span(images).first(1)};
+  EXPECT_EQ(without_tree.sample(0.99f, {0.2f, 0.3f}), images[0].sample(place, {0.2f, 0.3f}));
+}
+
+TEST(LightImage, DensityOfNarrowImageIsExact) {
+  // Half of the light is within twice its spread, and no rounding of directions matters.
+  const LightImage image{{0, 1, 0}, {}, 5e-4f, 1};
+  PhotonRandom random(9);
+  int inside = 0;
+  constexpr int kSamples = 20'000;
+  for (int i = 0; i < kSamples; ++i) {
+    const Vec3f d = image.sample({0, 0, 0}, random.next_2d());
+    const double across = std::hypot(static_cast<double>(d.x), static_cast<double>(d.z));
+    inside += across < 1e-3 ? 1 : 0;
+    const double t = std::pow(std::tan(std::asin(std::min(across, 1.0)) / 2), 2);
+    if (d.y <= 0) continue;
+    const double narrow = 0.25e-6;
+    const double exact = narrow / (4 * kPi) * std::pow((1 + t) / (narrow + t), 2);
+    EXPECT_NEAR(static_cast<double>(image.pdf({0, 0, 0}, d)) / exact, 1, 2e-3);
+  }
+  EXPECT_NEAR(inside, kSamples / 2, 5 * std::sqrt(kSamples / 4));
 }
 
 /// Photons on a floor of 2 x 2 m, from directions that `from` returns for a position.
@@ -255,6 +294,90 @@ TEST(Guide, ManyPhotonsInOnePlaceMakeOneCell) {
   const auto guide = Guide::from_photons(photons, sequential());
   ASSERT_NE(guide, nullptr);
   EXPECT_GT(guide->at({0.5f, 0, 0.5f}, {0, 1, 0}).probability, 0.6f);
+}
+
+/// Direction to a lamp of 0.02 x 0.02 m in a mirror ball, at places of the floor around the origin.
+Vec3f from_mirror(const Vec3f& position, Vec2f u) {
+  const Vec3f lamp{1.5f + 0.02f * u.x, 2, 0.3f + 0.02f * u.y}, centre{0.5f, 1.6f, -2.5f};
+  constexpr float kRadius = 0.5f;
+  // The normal is in the middle between the directions to both.
+  Vec3f normal = normalize(position - centre);
+  for (int i = 0; i < 200; ++i) {
+    const Vec3f at = centre + normal * kRadius;
+    normal = normalize(normalize(lamp - at) + normalize(position - at));
+  }
+  return normalize(centre + normal * kRadius - position);
+}
+
+TEST(LightImage, ImageInMirrorBallIsFound) {
+  const auto fit = fit_light_image(floor_photons(64, from_mirror));
+  ASSERT_TRUE(fit.has_value());
+  // The image moves by some centimetres over the floor. One that does not move has a gain below
+  // 100,000.
+  EXPECT_GT(fit->gain, 500'000);
+  EXPECT_FALSE(fit_light_image(floor_photons(7, from_mirror)).has_value());
+}
+
+TEST(LightImage, ImageOfLampNearTheFloorIsNarrowFarFromIt) {
+  const auto near = [](const Vec3f& position, Vec2f u) {
+    return normalize(Vec3f{0.2f + 0.02f * u.x, 0.2f, 0.1f + 0.02f * u.y} - position);
+  };
+  const auto fit = fit_light_image(floor_photons(64, near));
+  ASSERT_TRUE(fit.has_value());
+  const auto density_at = [&](float x) {
+    const Vec3f at{x, 0, 0.1f};
+    return fit->image.pdf(at, near(at, {0.5f, 0.5f}));
+  };
+  // At 0.2 m and at 1.2 m; the density in the middle grows with the square of the distance.
+  EXPECT_NEAR(density_at(-0.98f) / density_at(0.2f), 36, 7);
+}
+
+TEST(LightImage, ParallelAndConvergingLightIsFound) {
+  const auto parallel = fit_light_image(floor_photons(64, [](const Vec3f& /*position*/, Vec2f u) {
+    return normalize(Vec3f{0.3f + 1e-3f * u.x, 1, 1e-3f * u.y});
+  }));
+  ASSERT_TRUE(parallel.has_value());
+  EXPECT_GT(parallel->gain, 100'000);
+  const auto converging = fit_light_image(floor_photons(64, [](const Vec3f& position, Vec2f u) {
+    return normalize(position - Vec3f{0.2f + 0.01f * u.x, -2, 0.01f * u.y});
+  }));
+  ASSERT_TRUE(converging.has_value());
+  EXPECT_GT(converging->gain, 10'000);
+}
+
+TEST(LightImage, PhotonsThatMissItHardlyMoveIt) {
+  auto photons = floor_photons(64, from_lamp);
+  for (std::size_t i = 0; i < photons.size(); i += 4) photons[i].direction = {0, 1, 0};
+  const auto fit = fit_light_image(photons);
+  ASSERT_TRUE(fit.has_value());
+  for (const Vec3f& at : {Vec3f{0.1f, 0, 0.1f}, Vec3f{-0.7f, 0, 0.6f}, Vec3f{0.9f, 0, -0.8f}})
+    EXPECT_GT(fit->image.pdf(at, from_lamp(at, {0.5f, 0.5f})), 1000);
+}
+
+// Of about 1,000 photons of a cell, 10 have come over the mirror; the image is that of more.
+TEST(Guide, FewPhotonsOfWayInCellsShowItsImage) {
+  const Frame up = Frame::from_normal({0, 1, 0});
+  auto photons = floor_photons(40'000, [&](const Vec3f& /*position*/, Vec2f u) {
+    return up.to_world(warp::cosine_hemisphere(u));
+  });
+  for (std::size_t i = 0; i < photons.size(); i += 100) {
+    Photon& photon = photons[i];
+    photon.direction = from_mirror(photon.position, {0.5f, 0.5f});
+    photon.path = i / 100;
+    photon.way = 5;
+  }
+  const auto guide = Guide::from_photons(photons, sequential());
+  ASSERT_NE(guide, nullptr);
+  PhotonRandom random(5);
+  for (int i = 0; i < 1000; ++i) {
+    const Vec2f at = random.next_2d();
+    const Vec3f place{1.9f * at.x - 0.95f, 0, 1.9f * at.y - 0.95f};
+    const GuideLobe lobe = guide->at(place, {0, 1, 0});
+    ASSERT_EQ(lobe.images.size(), 1u);
+    EXPECT_GT(lobe.probability, 0.005f);
+    EXPECT_GT(lobe.pdf(from_mirror(place, {0.5f, 0.5f})), 1000);
+    EXPECT_GT(guide->saving(place, {0, 1, 0}), 0);
+  }
 }
 
 TEST(PhotonRandom, NumbersNearOthersDifferByStepAndWrap) {
