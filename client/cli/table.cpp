@@ -11,11 +11,14 @@
 namespace tessera::client {
 namespace {
 
+/// Returns whether a byte of UTF-8 text is the first one of a character.
+bool begins_character(char c) {
+  return (static_cast<unsigned>(c) & 0xC0u) != 0x80u;
+}
+
 /// Returns the number of characters, not bytes, of UTF-8 text.
 std::size_t columns_of(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
-    return (static_cast<unsigned>(c) & 0xC0u) != 0x80u;
-  }));
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), begins_character));
 }
 
 }  // namespace
@@ -41,6 +44,14 @@ std::string Table::text() const {
     text += '\n';
   }
   return text;
+}
+
+std::string beginning_of_line(const std::string& text, std::size_t most) {
+  std::size_t end = 0, characters = 0;
+  for (; end < text.size() && text[end] != '\n'; ++end) {
+    if (begins_character(text[end]) && ++characters > most) break;
+  }
+  return end == text.size() ? text : text.substr(0, end) + "…";
 }
 
 std::string format_bytes(double bytes) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,9 @@ class Table {
  private:
   std::vector<std::vector<std::string>> rows_;
 };
+
+/// Returns the first line of UTF-8 text, at most `most` characters of it, and "…" if there is more.
+std::string beginning_of_line(const std::string& text, std::size_t most);
 
 /// Formats bytes with one decimal: 1536 -> "1.5 KiB".
 std::string format_bytes(double bytes);

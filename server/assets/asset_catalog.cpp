@@ -43,6 +43,17 @@ void AssetCatalog::note_lost(const contract::Digest& digest) {
   if (store_.assets().has(digest)) note_found(digest);  // it was stored since it was asked for
 }
 
+void AssetCatalog::drop_damaged(const contract::Digest& digest, std::int64_t stored_us,
+                                CommitPipeline::Answer done) {
+  pipeline_.post([this, digest, stored_us, done = std::move(done)] {
+    farm_.log(LogLevel::error,
+              absl::StrCat("asset ", digest.hex(), ": the stored bytes are damaged"));
+    const absl::Status dropped = store_.assets().drop(digest, stored_us);
+    if (dropped.ok()) note_lost(digest);
+    done(dropped);
+  });
+}
+
 void AssetCatalog::mark_lost(const contract::Digest& digest) {
   FarmChange change(farm_);
   std::vector<JobKey> keys;

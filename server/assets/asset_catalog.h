@@ -48,6 +48,10 @@ class AssetCatalog {
   /// Notes that an asset was asked for and is not in the store: jobs with this scene file are
   /// leased only to workers that have it, until has_asset() finds it or it is stored again.
   void note_lost(const contract::Digest& digest) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Deletes an asset whose bytes, read by the reader with this time, are damaged, and notes that
+  /// it is lost. `done`: as of CommitPipeline.
+  void drop_damaged(const contract::Digest& digest, std::int64_t stored_us,
+                    CommitPipeline::Answer done);
   /// Errors: FailedPrecondition, an asset that the job refers to is missing; InvalidArgument, it
   /// has another size than the manifest says.
   absl::Status check_present(const JobSpec& spec);

@@ -84,8 +84,9 @@ void JobAdmission::create_job(JobSpec spec, OnCreated done, std::string visible_
                        });
 }
 
-/// Writes the job's row. On a full disk the transaction may be tried twice, so this forgets the
-/// request of the first attempt.
+/// Writes the job's row. The checks read the farm within the transaction, because their outcome
+/// depends on which earlier jobs of the same transaction could be written. On a full disk the
+/// transaction may be tried twice, so this forgets the request of the first attempt.
 absl::Status JobAdmission::write(const std::shared_ptr<Request>& request) {
   {
     const MutexLock lock(mutex_);

@@ -31,6 +31,16 @@ absl::Status no_such_asset() {
   return absl::NotFoundError("the asset has not been uploaded; upload it and repeat");
 }
 
+/// Answer to the reader of a damaged asset, which has been deleted with this outcome. To workers,
+/// which return their units, a damaged asset is like a lost one.
+absl::Status damaged_asset(const absl::Status& dropped) {
+  if (dropped.ok()) {
+    return absl::NotFoundError("the stored asset was damaged and has been deleted; upload it");
+  }
+  return absl::DataLossError(absl::StrCat("the stored asset is damaged and cannot be deleted: ",
+                                          std::string(dropped.message())));
+}
+
 /// Makes the bytes of an upload durable here, so that the journal's thread finds nothing left to
 /// write: the sync of a large file takes seconds, in which no result would be acknowledged. After
 /// an error the file is deleted and never synced again.
@@ -181,16 +191,20 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   bool is_counted_ = false, is_stored_ = false;  // towards the owner's quota; successfully
 };
 
+/// Sends the bytes of an asset. Deletes it if they are damaged or cannot be read, so that the next
+/// submission of the scene uploads it again.
 class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse> {
  public:
-  Download(IoPool& io, Caller caller) : io_(io), caller_(std::move(caller)) {}
+  Download(AssetCatalog& assets, IoPool& io, Caller caller)
+      : assets_(assets), io_(io), caller_(std::move(caller)) {}
 
-  void start(AssetCatalog& assets, const contract::Digest& digest) {
-    io_.post([this, &assets, digest] {
-      if (assets.has_asset(digest)) {
-        input_ = assets.open_asset(digest);
+  void start(const contract::Digest& digest) {
+    digest_ = digest;
+    io_.post([this] {
+      if (assets_.has_asset(digest_)) {
+        input_ = assets_.open_asset(digest_);
       } else {
-        assets.note_lost(digest);
+        assets_.note_lost(digest_);
       }
       if (input_.ok()) return send_next();
       Finish(
@@ -212,18 +226,26 @@ class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse
     if (left == 0 && has_sent_) return Finish(grpc::Status::OK);
     std::string& chunk = *response_.mutable_chunk();
     chunk.resize(std::min(kChunkBytes, static_cast<std::size_t>(left)));
-    if (!input_->read_at(offset_, chunk).ok()) {
-      return Finish(
-          contract::to_rpc(absl::DataLossError("cannot read the stored asset; upload it again")));
-    }
+    if (!input_->read_at(offset_, chunk).ok()) return drop();
+    hasher_.update(chunk);
     offset_ += static_cast<std::int64_t>(chunk.size());
+    if (offset_ == input_->size() && hasher_.finish() != digest_) return drop();
     has_sent_ = true;
     StartWrite(&response_);
   }
 
+  void drop() {
+    assets_.drop_damaged(digest_, input_->stored_us(), [this](const absl::Status& dropped) {
+      Finish(contract::to_rpc(damaged_asset(dropped)));
+    });
+  }
+
+  AssetCatalog& assets_;
   IoPool& io_;
   const Caller caller_;  // holds its place in the table of open streams
+  contract::Digest digest_;
   absl::StatusOr<AssetReader> input_ = no_such_asset();
+  contract::Hasher hasher_;
   std::int64_t offset_ = 0;
   bool has_sent_ = false;
   v1::DownloadAssetResponse response_;
@@ -278,7 +300,7 @@ bool AssetService::may_read(const Caller& caller, const contract::Digest& digest
 grpc::ServerWriteReactor<v1::DownloadAssetResponse>* AssetService::DownloadAsset(
     grpc::CallbackServerContext* context, const v1::DownloadAssetRequest* request) {
   const auto caller = access_.admit(*context, "AssetService.DownloadAsset");
-  auto* download = new Download(io_, caller.value_or(Caller{}));
+  auto* download = new Download(coordinator_.assets(), io_, caller.value_or(Caller{}));
   const auto digest = contract::Digest::from_binary(request->asset().sha256());
   if (!caller.ok()) {
     refuse(*download, caller.status());
@@ -288,7 +310,7 @@ grpc::ServerWriteReactor<v1::DownloadAssetResponse>* AssetService::DownloadAsset
   } else if (!may_read(*caller, *digest)) {
     download->Finish(contract::to_rpc(no_such_asset()));
   } else {
-    download->start(coordinator_.assets(), *digest);
+    download->start(*digest);
   }
   return download;
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Scene files that are lost or truncated in the store, while the server runs and before it starts.
+# Scene files that are lost, truncated or damaged in the store, while the server runs and before it starts.
 . "$(dirname "$0")/farm.sh"
 # Larger than 64 KiB, so that it is a file of the store, not a row.
 scene=$work/large.gltf
@@ -85,4 +85,18 @@ start_worker two --id w-two
 wait_until 60 "the job says why it waits after a restart" waits "$fourth"
 exits 0 farm submit "$scene" "${job[@]}" --name fifth
 same "$fourth" long
+no_bad_workers 2
+
+# Other bytes of the same size ---------------------------------------------------------------------
+kill_worker one
+kill_worker two
+rm -r "$work/cache-one" "$work/cache-two"
+[ -f "$asset" ] || fail "the scene is not a file of the store any more"
+printf damage | dd of="$asset" bs=1 seek=50000 conv=notrunc status=none
+sixth=$(farm submit "$scene" "${job[@]}" --name sixth)
+start_worker one --id w-one
+start_worker two --id w-two
+wait_until 60 "the job says which file is damaged" waits "$sixth"
+exits 0 farm submit "$scene" "${job[@]}" --name seventh
+same "$sixth" alone
 no_bad_workers 2

@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <cstddef>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -14,6 +15,7 @@ namespace tessera::client {
 namespace {
 
 constexpr int kPageSize = 100;
+constexpr std::size_t kMaxReasonLength = 100;  // `tessera status` prints all of it
 
 struct ListOptions {
   int limit = 20;
@@ -47,7 +49,8 @@ std::vector<std::string> row_of(const v1::Job& job) {
       progress.has_estimated_error() ? absl::StrFormat("%.4f", progress.estimated_error()) : "-",
       std::to_string(progress.worker_count()),
       absl::StrFormat("%.1f", progress.cpu_seconds()),
-      job.name()};
+      job.name(),
+      job.reason().empty() ? "-" : beginning_of_line(job.reason(), kMaxReasonLength)};
 }
 
 int run(const ListOptions& options, const Connection& connection) {
@@ -62,7 +65,7 @@ int run(const ListOptions& options, const Connection& connection) {
     std::printf("%s\n", document.dump(2).c_str());
     return kExitDone;
   }
-  Table table({"JOB", "STATE", "DONE", "FRAMES", "ERROR", "WORKERS", "CPU S", "NAME"});
+  Table table({"JOB", "STATE", "DONE", "FRAMES", "ERROR", "WORKERS", "CPU S", "NAME", "REASON"});
   for (const v1::Job& job : *jobs) table.add(row_of(job));
   std::fputs(table.text().c_str(), stdout);
   return kExitDone;

@@ -18,18 +18,23 @@ namespace tessera::server {
 /// The bytes of an asset, which stay readable when the asset is deleted. Any thread.
 class AssetReader {
  public:
-  explicit AssetReader(std::string bytes) : bytes_(std::move(bytes)) {}
-  explicit AssetReader(std::unique_ptr<const File> file) : file_(std::move(file)) {}
+  AssetReader(std::string bytes, std::int64_t stored_us)
+      : bytes_(std::move(bytes)), stored_us_(stored_us) {}
+  AssetReader(std::unique_ptr<const File> file, std::int64_t stored_us)
+      : file_(std::move(file)), stored_us_(stored_us) {}
 
   std::int64_t size() const {
     return file_ != nullptr ? file_->size() : static_cast<std::int64_t>(bytes_.size());
   }
+  /// Time at which the asset was last stored; see AssetStore::drop().
+  std::int64_t stored_us() const { return stored_us_; }
   /// Fills `out` from `offset` on. Errors: OutOfRange, the asset is too short; those of File.
   absl::Status read_at(std::int64_t offset, std::span<char> out) const;
 
  private:
   std::string bytes_;                 // of an asset in a row
   std::unique_ptr<const File> file_;  // null: the asset is in a row
+  std::int64_t stored_us_ = 0;
 };
 
 /// Assets by digest. Small ones are rows, so that many uploads share a sync; others are files.
@@ -54,6 +59,10 @@ class AssetStore {
   /// it for an hour. The upload's file no longer exists afterwards. Not within write_together().
   virtual absl::Status publish(const std::string& upload_path, const contract::Digest& digest) = 0;
 
+  /// Deletes an asset whose bytes are damaged, so that it is uploaded again. Does nothing if it has
+  /// been stored after `stored_us`, the time that the reader of the damaged bytes has. Not within
+  /// write_together().
+  virtual absl::Status drop(const contract::Digest& digest, std::int64_t stored_us) = 0;
   /// Records that a removed job used these assets until now.
   virtual absl::Status release(const std::vector<contract::Digest>& digests) = 0;
   /// Deletes least recently used assets (by release, else upload) until the rest take at most

@@ -110,22 +110,23 @@ bool DiskAssets::has(const contract::Digest& digest) const {
 }
 
 absl::StatusOr<AssetReader> DiskAssets::open(const contract::Digest& digest) const {
-  bool is_known = false;
+  std::optional<std::int64_t> stored_us;
   std::optional<std::string> contents;
   const absl::Status status = journal_.read([&](Database& database) {
     return database.each(
-        "SELECT contents FROM assets LEFT JOIN asset_contents USING (sha256) WHERE sha256=?",
+        "SELECT kept_us, contents FROM assets LEFT JOIN asset_contents USING (sha256) "
+        "WHERE sha256=?",
         {blob_of(digest)}, [&](const SqlRow& row) {
-          is_known = true;
-          if (!row.is_null(0)) contents = row.text(0);
+          stored_us = row.integer(0);
+          if (!row.is_null(1)) contents = row.text(1);
         });
   });
   if (!status.ok()) return status;
-  if (!is_known) return absl::NotFoundError(absl::StrCat("no asset ", digest.hex()));
-  if (contents) return AssetReader(*std::move(contents));
+  if (!stored_us) return absl::NotFoundError(absl::StrCat("no asset ", digest.hex()));
+  if (contents) return AssetReader(*std::move(contents), *stored_us);
   auto file = files_.filesystem().open_existing(path(digest));
   if (!file.ok()) return file.status();
-  return AssetReader(std::unique_ptr<const File>(*std::move(file)));
+  return AssetReader(std::unique_ptr<const File>(*std::move(file)), *stored_us);
 }
 
 std::string DiskAssets::path(const contract::Digest& digest) const {
@@ -242,10 +243,27 @@ absl::StatusOr<std::vector<DiskAssets::Victim>> DiskAssets::find_victims(
 absl::Status DiskAssets::collect(std::int64_t now_us, std::int64_t quota_bytes,
                                  const std::vector<contract::Digest>& named) {
   const auto victims = find_victims(now_us, used_bytes_ - quota_bytes, named);
-  if (!victims.ok() || victims->empty()) return victims.status();
+  return victims.ok() ? erase(*victims) : victims.status();
+}
+
+absl::Status DiskAssets::drop(const contract::Digest& digest, std::int64_t stored_us) {
+  std::vector<Victim> victims;
+  const absl::Status status = journal_.read_as_writer([&](Database& rows) {
+    return rows.each(
+        "SELECT bytes, IFNULL(length(contents), -1) "
+        "FROM assets LEFT JOIN asset_contents USING (sha256) WHERE sha256=? AND kept_us=?",
+        {blob_of(digest), stored_us}, [&](const SqlRow& row) {
+          victims.push_back({digest, {row.integer(0), row.integer(1)}});
+        });
+  });
+  return status.ok() ? erase(victims) : status;
+}
+
+absl::Status DiskAssets::erase(const std::vector<Victim>& victims) {
+  if (victims.empty()) return absl::OkStatus();
   // Rows first: a file without a row is an orphan, but a row without a file is damage.
   absl::Status status = journal_.write([&](Database& rows) {
-    for (const Victim& victim : *victims) {
+    for (const Victim& victim : victims) {
       absl::Status gone = rows.run("DELETE FROM assets WHERE sha256=?", {blob_of(victim.digest)});
       if (gone.ok()) gone = delete_contents(rows, victim.digest);
       if (!gone.ok()) return gone;
@@ -253,7 +271,7 @@ absl::Status DiskAssets::collect(std::int64_t now_us, std::int64_t quota_bytes,
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
-  for (const Victim& victim : *victims) {
+  for (const Victim& victim : victims) {
     count(victim.rows, {});
     if (victim.rows.is_file())
       files_.note_deletion(files_.filesystem().remove(path(victim.digest)));

@@ -39,6 +39,7 @@ class DiskAssets final : public AssetStore {
   absl::Status add(const contract::Digest& digest, std::string_view bytes) override;
   absl::StatusOr<std::string> new_upload_path() override;
   absl::Status publish(const std::string& upload_path, const contract::Digest& digest) override;
+  absl::Status drop(const contract::Digest& digest, std::int64_t stored_us) override;
   absl::Status release(const std::vector<contract::Digest>& digests) override;
   absl::Status collect(std::int64_t now_us, std::int64_t quota_bytes,
                        const std::vector<contract::Digest>& named) override;
@@ -66,6 +67,7 @@ class DiskAssets final : public AssetStore {
   absl::Status make_visible(const std::string& upload_path, const contract::Digest& digest);
   absl::StatusOr<std::vector<Victim>> find_victims(
       std::int64_t now_us, std::int64_t excess, const std::vector<contract::Digest>& named) const;
+  absl::Status erase(const std::vector<Victim>& victims);
   void clean_folder(const std::string& name, const std::set<contract::Digest>& known);
 
   DurableFiles& files_;

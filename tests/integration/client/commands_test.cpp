@@ -78,6 +78,20 @@ TEST_F(CommandsTest, ListPrintsNewestJobFirst) {
   EXPECT_EQ(json::parse(document.out)["jobs"][0]["id"], "bbb222");
 }
 
+TEST_F(CommandsTest, ListSaysWhyJobsWait) {
+  farm_.add_job("aaa111", "lamp", v1::Job::STATE_PAUSED)
+      .set_reason("frame 0 failed 3 times\nworker w1: broke");
+  farm_.add_job("bbb222", "room", v1::Job::STATE_QUEUED).set_reason("no workers connected");
+  farm_.add_job("ccc333", "hall", v1::Job::STATE_FAILED).set_reason(std::string(200, 'x') + "yz");
+  farm_.add_job("ddd444", "door", v1::Job::STATE_DONE);
+  const std::string text = run({"list"}).out;
+  EXPECT_THAT(text, HasSubstr("NAME  REASON\n"));
+  EXPECT_THAT(text, HasSubstr("door  -\n"));
+  EXPECT_THAT(text, HasSubstr("room  no workers connected\n"));
+  EXPECT_THAT(text, HasSubstr("lamp  frame 0 failed 3 times…\n")) << "one line";
+  EXPECT_THAT(text, HasSubstr("hall  " + std::string(100, 'x') + "…\n"));
+}
+
 TEST_F(CommandsTest, ListReadsPagesUpToLimit) {
   for (int i = 0; i < 250; ++i) {
     farm_.add_job("job" + std::to_string(i), "name", v1::Job::STATE_DONE);

@@ -205,33 +205,17 @@ INSTANTIATE_TEST_SUITE_P(Bytes, FarmAssetTest, ::testing::Values(5'000, 65'536, 
 
 TEST_P(FarmAssetTest, AppearsOnceVerified) {
   const std::string bytes(GetParam(), 'x');
-  const auto missing = [&] {
-    grpc::ClientContext context;
-    prepare(context);
-    v1::FindMissingAssetsRequest request;
-    *request.add_assets() = id_of(bytes);
-    v1::FindMissingAssetsResponse response;
-    EXPECT_TRUE(assets_->FindMissingAssets(&context, request, &response).ok());
-    return response.missing_size();
-  };
-  EXPECT_EQ(missing(), 1);
+  EXPECT_TRUE(is_missing(id_of(bytes)));
   EXPECT_EQ(upload(id_of(bytes), bytes.substr(1)).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(upload(id_of(bytes), std::string(GetParam(), 'y')).error_code(),
             grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(upload(id_of(bytes), bytes + "x").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(missing(), 1);
+  EXPECT_TRUE(is_missing(id_of(bytes)));
   EXPECT_TRUE(upload(id_of(bytes), bytes).ok());
   EXPECT_TRUE(upload(id_of(bytes), bytes).ok()) << "repeating it is harmless";
-  EXPECT_EQ(missing(), 0);
-
-  grpc::ClientContext context;
-  prepare(context);
-  v1::DownloadAssetRequest request;
-  *request.mutable_asset() = id_of(bytes);
-  auto stream = assets_->DownloadAsset(&context, request);
+  EXPECT_FALSE(is_missing(id_of(bytes)));
   std::string got;
-  for (v1::DownloadAssetResponse response; stream->Read(&response);) got += response.chunk();
-  EXPECT_TRUE(stream->Finish().ok());
+  EXPECT_TRUE(download(id_of(bytes), got).ok());
   EXPECT_EQ(got, bytes);
 }
 

@@ -34,12 +34,13 @@ class MemoryAssets final : public AssetStore {
     const std::lock_guard lock(mutex_);
     const auto found = contents_.find(digest);
     if (found == contents_.end()) return absl::NotFoundError("no such asset");
-    return AssetReader(found->second);
+    return AssetReader(found->second, store_count_);
   }
   std::int64_t max_row_bytes() const override { return 1000; }
   absl::Status add(const contract::Digest& digest, std::string_view bytes) override {
     const std::lock_guard lock(mutex_);
     contents_[digest] = std::string(bytes);
+    ++store_count_;
     return absl::OkStatus();
   }
   absl::StatusOr<std::string> new_upload_path() override {
@@ -53,6 +54,11 @@ class MemoryAssets final : public AssetStore {
     std::filesystem::remove(upload_path);
     return add(digest, bytes);
   }
+  absl::Status drop(const contract::Digest& digest, std::int64_t stored_us) override {
+    const std::lock_guard lock(mutex_);
+    if (stored_us == store_count_) contents_.erase(digest);
+    return absl::OkStatus();
+  }
   absl::Status release(const std::vector<contract::Digest>&) override { return absl::OkStatus(); }
   absl::Status collect(std::int64_t, std::int64_t, const std::vector<contract::Digest>&) override {
     ++collection_count_;
@@ -64,6 +70,7 @@ class MemoryAssets final : public AssetStore {
   const std::string folder_;
   mutable std::mutex mutex_;
   std::map<contract::Digest, std::string> contents_;
+  std::int64_t store_count_ = 0;  // number of times that any asset was stored, instead of a time
   std::int64_t used_bytes_ = 0;
   int collection_count_ = 0;
 };

@@ -229,6 +229,13 @@ TEST(Figures, AreRoundedForReaders) {
   EXPECT_EQ(format_count(59e6), "59.0 M");
 }
 
+TEST(Figures, LongTextIsCutBetweenCharacters) {
+  EXPECT_EQ(beginning_of_line("", 3), "");
+  EXPECT_EQ(beginning_of_line("äöü", 3), "äöü");
+  EXPECT_EQ(beginning_of_line("äöüß", 3), "äöü…");
+  EXPECT_EQ(beginning_of_line("a\nb", 3), "a…");
+}
+
 TEST(Figures, BoxesShowNoRoundingErrors) {
   EXPECT_EQ(format_box({-1.4e-08, -1, 0}, {1, 2.5, -3e-9}), "(0, -1, 0) to (1, 2.5, 0)");
   EXPECT_EQ(format_box({-1.4e-08, 0, 0}, {1.5e-08, 0, 0}), "(-1.4e-08, 0, 0) to (1.5e-08, 0, 0)");

@@ -92,6 +92,26 @@ class TestFarm : public testing::Test {
     stream->WritesDone();
     return stream->Finish();
   }
+  /// Returns whether FindMissingAssets names the asset.
+  bool is_missing(const v1::AssetId& id) {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::FindMissingAssetsRequest request;
+    *request.add_assets() = id;
+    v1::FindMissingAssetsResponse response;
+    EXPECT_TRUE(assets_->FindMissingAssets(&context, request, &response).ok());
+    return response.missing_size() == 1;
+  }
+  /// Appends what is received to `bytes`.
+  grpc::Status download(const v1::AssetId& id, std::string& bytes) {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::DownloadAssetRequest request;
+    *request.mutable_asset() = id;
+    auto stream = assets_->DownloadAsset(&context, request);
+    for (v1::DownloadAssetResponse response; stream->Read(&response);) bytes += response.chunk();
+    return stream->Finish();
+  }
   grpc::Status create(const v1::CreateJobRequest& request, v1::CreateJobResponse& response) {
     grpc::ClientContext context;
     prepare(context);

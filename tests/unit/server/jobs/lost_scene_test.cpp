@@ -71,6 +71,26 @@ TEST_F(LostScene, JobContinuesAfterUpload) {
   EXPECT_TRUE(view(job).failed_attempts.empty());
 }
 
+TEST_F(LostScene, DamagedFileIsLostUntilNextUpload) {
+  const std::string job = job_with_scene();
+  auto worker = join("w1");
+  const std::int64_t damaged_us = coordinator->assets().open_asset(scene())->stored_us();
+  const auto drop = [&] {  // as the download of a worker does
+    coordinator->assets().drop_damaged(
+        scene(), damaged_us, [](const absl::Status& dropped) { EXPECT_TRUE(dropped.ok()); });
+    pump();
+  };
+  drop();
+  EXPECT_NE(view(job).reason.find("lost its scene file scene.glb"), std::string::npos);
+  fail_to_fetch(worker);
+  EXPECT_TRUE(worker.units.empty());
+  upload();
+  drop();  // by a download that began before the upload
+  EXPECT_EQ(view(job).reason, "");
+  collect(worker);
+  EXPECT_FALSE(worker.units.empty());
+}
+
 TEST_F(LostScene, WorkerThatHasItGoesOn) {
   const std::string job = job_with_scene();
   auto holder = join("w1", 2);

@@ -103,6 +103,22 @@ TEST_P(AnyAssets, ReleasedIsCollectedLast) {
   EXPECT_FALSE(store().assets().has(unused));
 }
 
+TEST_P(AnyAssets, DamagedOneIsDropped) {
+  const contract::Digest digest = upload(std::string(100, 'd')), other = upload("other");
+  const std::int64_t damaged_us = store().assets().open(digest)->stored_us();
+  ASSERT_TRUE(store().assets().drop(digest, damaged_us).ok());
+  EXPECT_FALSE(store().assets().has(digest));
+  EXPECT_TRUE(store().assets().has(other));
+  EXPECT_EQ(file_count("assets"), uses_rows_ ? 0 : 1);
+  EXPECT_EQ(store().assets().used_bytes(), 5);
+  ASSERT_TRUE(store().assets().drop(digest, damaged_us).ok()) << "by another reader";
+  now_us_ += 1;
+  upload(std::string(100, 'd'));
+  ASSERT_TRUE(store().assets().drop(digest, damaged_us).ok());
+  EXPECT_EQ(read_asset(store(), digest), std::string(100, 'd')) << "it was stored again";
+  expect_consistent();
+}
+
 TEST_P(AnyAssets, AreReadInParts) {
   const contract::Digest empty = upload("");
   const std::string bytes = std::string(30'000, 'a') + std::string(40'000, 'b');
