@@ -102,8 +102,10 @@ void add_view_options(CLI::App& command, RenderOptions& options) {
       ->group(group);
 }
 
-void add_sampling_options(CLI::App& command, RenderOptions& options) {
-  const char* group = "Sampling";
+constexpr const char* kSamplingGroup = "Sampling";
+
+void add_sample_count_options(CLI::App& command, RenderOptions& options) {
+  const char* group = kSamplingGroup;
   CLI::Option* spp = command.add_option("--spp", options.spp, "Samples per pixel")
                          ->check(CLI::Range(1, 1 << 20))
                          ->type_name("N")
@@ -125,6 +127,10 @@ void add_sampling_options(CLI::App& command, RenderOptions& options) {
       ->needs(error)
       ->capture_default_str()
       ->group(group);
+}
+
+void add_sampling_options(CLI::App& command, RenderOptions& options) {
+  const char* group = kSamplingGroup;
   command.add_option("--max-depth", options.max_depth, "Maximum scattering events per path")
       ->check(CLI::Range(1, 255))
       ->type_name("N")
@@ -200,6 +206,7 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
       ->required()
       ->type_name("SCENE");
   add_view_options(command, options);
+  add_sample_count_options(command, options);
   add_sampling_options(command, options);
   add_light_options(command, options);
   const char* group = "Output";
