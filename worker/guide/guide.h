@@ -39,8 +39,7 @@ struct GuideLobe {
 ///
 /// Surfaces are divided by the axis that their normal is closest to, then by a k-d tree into cells
 /// with about equal numbers of photons. Each has a quadtree of directions, and images of lights
-/// (light_image.h). The result depends on the order of the photons, not on the
-/// number of threads.
+/// (light_image.h). The result depends on the order of the photons, not on the number of threads.
 class Guide {
  public:
   /// Null if no cell gains from guiding.

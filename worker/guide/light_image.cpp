@@ -1,7 +1,10 @@
 #include "worker/guide/light_image.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include "worker/geometry/frame.h"
@@ -37,7 +40,7 @@ View view_of(const LightImage& image, const Vec3f& place) {
   const Vec3f way =
       image.origin + image.along[0] * place.x + image.along[1] * place.y + image.along[2] * place.z;
   const float size = length(way);
-  if (!(size > 0)) return {};
+  if (!(size > 0 && size < INFINITY)) return {};
   return {way / size, size, clamp(image.spread / size, kMinSpread, kMaxSpread)};
 }
 
@@ -53,8 +56,9 @@ struct Weighted {
 
 /// The least value up to which half of the weight is. Requires values.
 double median_of(std::vector<Weighted> values) {
-  std::sort(values.begin(), values.end(),
-            [](const Weighted& a, const Weighted& b) { return a.value < b.value; });
+  std::sort(values.begin(), values.end(), [](const Weighted& a, const Weighted& b) {
+    return a.value != b.value ? a.value < b.value : a.weight < b.weight;
+  });
   double all = 0, below = 0;
   for (const Weighted& each : values) all += each.weight;
   for (const Weighted& each : values) {
