@@ -17,13 +17,14 @@ namespace tessera::render {
 /// Kato & McCullagh, "Some properties of a Cauchy family on the sphere derived from the Möbius
 /// transformations", 2020.
 struct LightImage {
-  /// Its light comes along origin + Σ along[k] place[k], which is 1 long at the photons' centre. If
-  /// the image does not move, this is in proportion to the way to it, or from it if the light
-  /// converges to it.
+  /// The light that arrives at a place comes along the vector origin + Σ along[k] place[k], whose
+  /// length is 1 at the photons' centre. If the image does not move, the vector is proportional to
+  /// the one from the place to the image, or to its opposite if the light converges to the image.
   Vec3f origin;
   std::array<Vec3f, 3> along{};
-  /// Where that vector is 1 long, half of the light is within 2 atan(spread) of its direction. The
-  /// spread falls with the vector's length, as that of an image does with its distance.
+  /// Angular size: where the vector has the length 1, half of the light comes from directions at an
+  /// angle of at most 2 atan(spread) to it. Elsewhere the spread is divided by the length, because
+  /// an image looks smaller from further away.
   float spread = 1;
   float share = 0;  // probability of choosing it among what the guide of a cell proposes
 

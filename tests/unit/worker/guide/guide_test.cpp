@@ -354,7 +354,8 @@ TEST(LightImage, PhotonsThatMissItHardlyMoveIt) {
     EXPECT_GT(fit->image.pdf(at, from_lamp(at, {0.5f, 0.5f})), 1000);
 }
 
-// Of about 1,000 photons of a cell, 10 have come over the mirror; the image is that of more.
+// About 10 of the 1,000 photons of each cell were reflected by the mirror, too few to fit an image;
+// it is fitted to those of several cells.
 TEST(Guide, FewPhotonsOfWayInCellsShowItsImage) {
   const Frame up = Frame::from_normal({0, 1, 0});
   auto photons = floor_photons(40'000, [&](const Vec3f& /*position*/, Vec2f u) {
