@@ -161,8 +161,8 @@ void add_sampling_options(CLI::App& command, RenderOptions& options) {
       .add_flag_function(
           "--guiding,!--no-guiding",
           [&options](std::int64_t count) { options.guiding = count > 0; },
-          "Guide paths by photons: less noise where light comes through glass or narrow openings "
-          "(default: with --error)")
+          "Guide paths by photons: less noise from light through glass or narrow openings and from "
+          "small lights in mirrors (default: with --error)")
       ->group(group);
   command
       .add_option("--clamp", options.clamp,

@@ -55,6 +55,13 @@ class PathPrinter final : public PathObserver {
  public:
   explicit PathPrinter(const Scene& scene) : scene_(scene) {}
 
+  void on_second_path(const Vec2f& offset) override {
+    absl::StrAppend(&text_, "second path, towards a small image of a light, ",
+                    absl::StrFormat("%.4g, %.4g", offset.x, offset.y),
+                    " px from the pixel's centre\n");
+    vertex_count_ = 0;
+  }
+
   void on_vertex(const Vertex& vertex) override {
     const ShadingPoint& point = vertex.point;
     absl::StrAppend(&text_, "vertex ", vertex_count_++, ", depth ", vertex.depth, "\n");

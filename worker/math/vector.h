@@ -40,6 +40,7 @@ struct Vec4 {
 };
 
 using Vec2f = Vec2<float>;
+using Vec2d = Vec2<double>;
 using Vec3f = Vec3<float>;
 using Vec4f = Vec4<float>;
 using Vec3d = Vec3<double>;

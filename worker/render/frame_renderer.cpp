@@ -18,6 +18,7 @@
 #include "worker/render/path/motion_vectors.h"
 #include "worker/render/path/path_tracer.h"
 #include "worker/render/pixel_sums.h"
+#include "worker/render/spots/light_spots.h"
 #include "worker/sampling/dimensions.h"
 #include "worker/sampling/sampler.h"
 #include "worker/scene/features.h"
@@ -73,6 +74,7 @@ class PathTracingFrame final : public FrameRenderer {
   const std::unique_ptr<const MotionVectors> motion_;  // null unless its layer is requested
   const std::unique_ptr<const Guide> guide_;  // null unless the job asks for it and it gains
   const PixelFilterSampler filter_;
+  const std::unique_ptr<const LightSpots> spots_;  // null unless the job is guided and has spots
   const FrameContext context_;
   const float clamp_at_;
   const std::uint32_t aovs_;
@@ -193,6 +195,26 @@ std::unique_ptr<const Guide> guide_of(PhotonScene scene, const CameraRays& camer
   return build_guide(scene, checked(parallel_for));
 }
 
+/// Spots of a guided frame; null if it has none, or moves or has a lens.
+std::unique_ptr<const LightSpots> light_spots(SpotSearch search, const LightSampler& lights,
+                                              const PixelFilterSampler& filter,
+                                              const contract::RenderSettings& settings,
+                                              const ParallelFor& parallel_for) {
+  const Scene& scene = search.shading.source;
+  const bool moves = !scene.key_times.empty() || !scene.camera.keys.empty();
+  if (!settings.is_guided() || moves || search.camera.takes_lens()) return nullptr;
+  search.width = settings.width;
+  search.height = settings.height;
+  search.max_depth = settings.max_depth;
+  search.margin = settings.filter_width / 2;
+  search.pixel_area = filter.area();
+  auto spots = std::make_unique<LightSpots>(
+      find_spots(search, small_lights(scene, search.shading, lights), checked(parallel_for)),
+      filter, settings.width, settings.height);
+  if (spots->empty()) return nullptr;
+  return spots;
+}
+
 PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& settings,
                                    std::int32_t frame, const ParallelFor& parallel_for,
                                    const FrameRenderer* before, const TraceOptions& tracing)
@@ -215,6 +237,7 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                        0},
                       camera_, settings, parallel_for)),
       filter_(settings.filter, settings.filter_width),
+      spots_(light_spots({shading_, accel_, camera_}, lights_, filter_, settings, parallel_for)),
       context_{shading_,
                accel_,
                lights_,
@@ -231,11 +254,14 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                !scene_.key_times.empty() || !scene_.camera.keys.empty() ||
                    shading_.assumes(kFeatureMotion),
                guide_.get(),
+               spots_.get(),
                motion_.get()},
       clamp_at_(static_cast<float>(settings.clamp)),
       aovs_(settings.aovs) {
   timings_.memory_bytes = scene_bytes(scene_) + shading_.memory_bytes + accel_.memory_bytes() +
-                          lights_.memory_bytes() + (guide_ == nullptr ? 0 : guide_->memory_bytes());
+                          lights_.memory_bytes() +
+                          (guide_ == nullptr ? 0 : guide_->memory_bytes()) +
+                          (spots_ == nullptr ? 0 : spots_->memory_bytes());
 }
 
 contract::FilmBlock PathTracingFrame::render(const contract::PixelRect& rect,

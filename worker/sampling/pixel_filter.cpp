@@ -40,6 +40,14 @@ float PixelFilterSampler::invert(float u) const {
   return x < kBelowHalf ? x : kBelowHalf;
 }
 
+float PixelFilterSampler::density(float offset) const {
+  const float x = offset / width_;
+  if (!(x >= -0.5f) || !(x < 0.5f)) return 0;
+  if (steps_.empty()) return 1 / width_;
+  const auto step = static_cast<std::int32_t>((x + 0.5f) * kSteps);
+  return steps_.probability(step) * kSteps / width_;
+}
+
 Vec2f PixelFilterSampler::sample(Vec2f u) const {
   const float x = invert(u.x);
   const float y = invert(u.y);

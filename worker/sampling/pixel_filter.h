@@ -20,8 +20,16 @@ class PixelFilterSampler {
   /// Offset from the pixel's centre, in pixels, in [-width / 2, width / 2) per axis.
   Vec2f sample(Vec2f u) const;
 
+  /// Density of sample() at an offset, per square pixel; 0 outside the support.
+  float density(Vec2f offset) const { return density(offset.x) * density(offset.y); }
+
+  float width() const { return width_; }
+  /// Area over which a constant filter as high as this one's centre spreads, square pixels.
+  double area() const { return 1 / double{density(Vec2f{0, 0})}; }
+
  private:
   float invert(float u) const;
+  float density(float offset) const;
 
   float width_;
   DiscreteDistribution steps_;  // empty for the box

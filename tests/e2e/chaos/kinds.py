@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import threading
@@ -169,19 +170,20 @@ def stop_during_a_unit(farm, worker, renderer):
 
 
 def hang(farm, rng):
-    """A renderer is stopped during a unit; its agent kills it after --unit-timeout."""
+    """A renderer is stopped; its agent kills it after --unit-timeout. It may be between two units by then."""
     with a_worker(farm, slot=0) as worker:
         if not worker:
             return None
         renderer = worker.renderer()
         if renderer is None or not stop_during_a_unit(farm, worker, renderer):
             return None
+        is_killed = lambda: re.search("timed out; killing the renderer|does not respond; killing it", worker.text())
         try:
-            farm.wait(60, "the agent notices", lambda: "timed out; killing the renderer" in worker.text())
+            farm.wait(60, "the agent notices", is_killed)
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(renderer, signal.SIGCONT)
-        return f"the renderer of {worker.id} was killed" if "timed out; killing the renderer" in worker.text() else None
+        return f"the renderer of {worker.id} was killed" if is_killed() else None
 
 
 def slow_worker(farm, rng):

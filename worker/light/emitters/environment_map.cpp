@@ -118,6 +118,13 @@ void EnvironmentMap::build() {
       static_cast<float>(static_cast<double>(width_) * height_ / (2 * kPi * kPi) / total_);
 }
 
+/// Unit direction to a point of the map, in texels.
+Vec3d EnvironmentMap::towards(double x, double y) const {
+  const double theta = kPi * y / height_, phi = 2 * kPi * (x / width_ - 0.5 - turn_);
+  const elementary::SinCosd t = elementary::sincos(theta), p = elementary::sincos(phi);
+  return {t.sin * p.cos, t.cos, t.sin * p.sin};
+}
+
 EnvironmentMap::Sample EnvironmentMap::sample(double u1, double u2) const {
   const Cell row = find_cell(row_cdf_.data(), height_, u1);
   const auto j = static_cast<std::size_t>(row.index), w = static_cast<std::size_t>(width_);
@@ -128,10 +135,8 @@ EnvironmentMap::Sample EnvironmentMap::sample(double u1, double u2) const {
   if (row.index == 0 && row.inside < 0.5) y = row.inside;
   if (row.index == height_ - 1 && row.inside >= 0.5) y = height_ - 1 + row.inside;
   const double x = column.index + 0.5 + tent(column.inside);
-  const double theta = kPi * y / height_, phi = 2 * kPi * (x / width_ - 0.5 - turn_);
-  const elementary::SinCosd t = elementary::sincos(theta), p = elementary::sincos(phi);
   Sample s;
-  s.direction = normalize(Vec3f(Vec3d{t.sin * p.cos, t.cos, t.sin * p.sin}));
+  s.direction = normalize(Vec3f(towards(x, y)));
   // Looked up in the rounded direction, as BSDF sampling does.
   const Lookup found = look_up(s.direction);
   s.radiance = found.radiance;
@@ -142,6 +147,54 @@ EnvironmentMap::Sample EnvironmentMap::sample(double u1, double u2) const {
 Vec3f EnvironmentMap::unsampled(const Vec3f& radiance) const {
   const float whole = luminance(radiance), limit = mean_ * strength_;
   return whole > limit ? radiance * (limit / whole) : radiance;
+}
+
+std::optional<EnvironmentMap::Sun> EnvironmentMap::sun() const {
+  constexpr std::int32_t kReach = 8;             // texels, from the brightest one
+  constexpr float kLeast = 64, kPart = 1 / 8.f;  // relative to the mean, and to the brightest
+  if (is_constant()) return std::nullopt;
+  std::int32_t column = 0, row = 0;
+  float most = 0;
+  for (std::int32_t j = 0; j < height_; ++j) {
+    for (std::int32_t i = 0; i < width_; ++i) {
+      const float here = luminance(fetch(i, j));
+      if (here <= most) continue;
+      most = here;
+      column = i;
+      row = j;
+    }
+  }
+  if (!(most > kLeast * mean_) || width_ < 8 * kReach || height_ < 4 * kReach) return std::nullopt;
+  Sun sun;
+  Vec3d moment;
+  std::array<Vec3d, 3> second{};
+  double weights = 0, area = 0;
+  for (std::int32_t j = std::max(row - kReach, 0); j <= std::min(row + kReach, height_ - 1); ++j) {
+    for (std::int32_t i = column - kReach; i <= column + kReach; ++i) {
+      const float here = luminance(fetch(i, j));
+      if (here < most * kPart) continue;
+      if (std::abs(i - column) == kReach || std::abs(j - row) == kReach) return std::nullopt;
+      const double texel{row_sines_[static_cast<std::size_t>(j)]};
+      const double weight = double{here} * texel;
+      const Vec3d d = towards(i + 0.5, j + 0.5);
+      weights += weight;
+      area += texel;
+      moment += d * weight;
+      for (int k = 0; k < 3; ++k) second[static_cast<std::size_t>(k)] += d * (d[k] * weight);
+    }
+  }
+  // A texel spreads as a tent, whose variance is a sixth.
+  const double step = kPi / height_;
+  const Vec3d mean = moment / weights;
+  for (int k = 0; k < 3; ++k) {
+    Vec3d& of = sun.covariance[static_cast<std::size_t>(k)];
+    of = second[static_cast<std::size_t>(k)] / weights - mean * mean[k];
+    of[k] += step * step / 6;
+  }
+  sun.towards = mean / length(mean);
+  sun.radius = std::sqrt(area / kPi) * step;
+  sun.radiance = weights / area * static_cast<double>(strength_);
+  return sun;
 }
 
 double EnvironmentMap::power() const {

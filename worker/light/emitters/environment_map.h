@@ -1,7 +1,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "worker/math/vector.h"
@@ -52,6 +54,17 @@ class EnvironmentMap {
   /// Density of sample() at `d`; 0 if no texel around it is brighter than the mean.
   float pdf(const Vec3f& d) const { return look_up(d).pdf; }
 
+  /// A small bright part of the map, such as the sun.
+  struct Sun {
+    Vec3d towards;                      // unit, centre
+    std::array<Vec3d, 3> covariance{};  // of unit directions to it
+    double radius = 0;                  // radians
+    double radiance = 0;                // mean luminance
+  };
+  /// The part around the brightest texel, nullopt if that is not 64 times as bright as the mean or
+  /// the part is not small.
+  std::optional<Sun> sun() const;
+
   /// Integral of luminance over all directions: flux through a disc of unit area.
   double power() const;
 
@@ -59,6 +72,7 @@ class EnvironmentMap {
 
  private:
   Vec3f fetch(std::int32_t x, std::int32_t y) const;
+  Vec3d towards(double x, double y) const;
   float excess(const Vec3f& texel) const { return std::max(luminance(texel) - mean_, 0.0f); }
   void build();
 

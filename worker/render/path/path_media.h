@@ -174,7 +174,8 @@ Passage PathMedia<Tracer>::cross_medium(double distance) {
       segment_along(tracer().frame_.shading, media.stack, path.ray, 0, distance);
   if (segment.empty()) return Passage::none;
   const MediumView& medium = *segment.medium;
-  if (tracer().frame_.shading.has_emissive_media && medium.emits()) [[unlikely]]
+  const bool glows = tracer().frame_.shading.has_emissive_media && !tracer().second_;
+  if (glows && medium.emits()) [[unlikely]]
     add_emission_along(segment);
   if (!medium.scatters()) {
     path.throughput *= transmittance(segment, &media.random);
@@ -185,7 +186,7 @@ Passage PathMedia<Tracer>::cross_medium(double distance) {
   const MediumTraversal start = media.traversal;
   const auto density = [&](double t) { return start.density(medium, t - segment.begin); };
   const std::optional<EquiAngular> near = choose_equi_angular(segment, u.w);
-  if (near) {
+  if (near && !tracer().second_) {
     const double t = near->sample(u.z);
     const auto pdf = static_cast<float>(near->pdf(t));
     const float here = medium.is_homogeneous() ? 1 : segment.density(t);
@@ -232,7 +233,7 @@ bool PathMedia<Tracer>::scatter_in_medium(const MediumView& medium, const Vec3f&
   auto& path = tracer().path_;
   if (PathObserver* observer = tracer().scratch_->observer) [[unlikely]]
     observer->on_medium(medium, position, path.throughput);
-  if (tracer().is_cut()) return false;
+  if (tracer().second_ || tracer().is_cut()) return false;
   add_light_in_medium(medium, position, path.throughput * weight,
                       dimensions::light(tracer().bounce()));
   const Vec4f u = tracer().sampler_.get_4d(dimensions::bsdf(tracer().bounce()));
@@ -243,6 +244,7 @@ bool PathMedia<Tracer>::scatter_in_medium(const MediumView& medium, const Vec3f&
   path.ray.direction = phase::sample(medium.anisotropy, before, {u.x, u.y});
   path.pdf = phase::density(medium.anisotropy, before, path.ray.direction);
   path.from_camera = path.specular_bounce = false;
+  path.lobes = 0;
   path.footprint = path.growth = 0;
   path.scattered_at = {position, {0, 0, 1}, true, path.ray.time};
   tracer().media_.traversal.restart();

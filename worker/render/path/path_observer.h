@@ -38,6 +38,9 @@ class PathObserver {
     Vec3f position;             // recentred world, metres
     Vec3f throughput;           // of the path on arrival
   };
+  /// A second path begins that looks for a small image of a light only (LightSpots), `offset`
+  /// pixels from the pixel's centre.
+  virtual void on_second_path(const Vec2f& /*offset*/) {}
   /// The path is at a surface that it shades.
   virtual void on_vertex(const Vertex& vertex) = 0;
   /// The path hit nothing.

@@ -15,6 +15,8 @@
 #include "worker/media/phase.h"
 #include "worker/render/path/motion_vectors.h"
 #include "worker/render/path/path_media.h"
+#include "worker/render/spots/light_spots.h"
+#include "worker/render/spots/specular_segments.h"
 #include "worker/sampling/dimensions.h"
 #include "worker/sampling/equi_angular.h"
 #include "worker/sampling/sampler.h"
@@ -47,6 +49,7 @@ struct Path {
   std::int32_t passed = 0;          // number of transparent surfaces passed
   bool from_camera = true;          // only alpha holes so far
   bool specular_bounce = true;      // the ray cannot come from light sampling: no MIS
+  std::uint64_t lobes = kNoLobes;   // while all scattering was at delta lobes; 0 afterwards
   float pdf = 0;                    // of the last scattering, over solid angle
   float unguided = 1;               // factor by which guides have lowered `throughput`
   LightSampleContext scattered_at;  // position of the last scattering
@@ -73,6 +76,15 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
   /// `first`: hit of the camera ray, if known; instance UINT32_MAX for a miss.
   PathResult trace(const Ray& camera_ray, const Hit* first);
 
+  /// Weighs the light that delta lobes alone show to the camera, because a second path looks for it
+  /// too. `offset`: of the camera ray from the pixel's centre.
+  void share(const LightSpots::Pixel& spots, const Vec2f& offset) {
+    spots_ = spots;
+    offset_ = offset;
+  }
+  /// Makes this the second path, which finds light by the given lobes and nothing else.
+  void follow_lobes(const LightSpots::Pixel::Second& second) { second_ = second; }
+
  private:
   friend class PathMedia<PathTracer>;
   using Media = PathMedia<PathTracer>;
@@ -93,6 +105,9 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
   Vec3f medium_transmittance(const Ray& ray);
   Bsdf bsdf_at_hit(ShadingPoint point, const Vec4f& base) const;
   bool survives(float u);
+  bool draw_direction(const Bsdf& bsdf, BsdfSample* next);
+  bool follow_lobe(const Bsdf& bsdf, BsdfSample* next);
+  float spot_weight() const;
   void choose_lobe(const Bsdf& bsdf, const SurfacePoint& position);
   bool draw_light(const LightSampleContext& context, std::uint32_t set, LightSample* light);
   bool scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
@@ -111,6 +126,9 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
   std::int32_t max_depth_;           // of the image, or of a path that is continued for the report
   std::optional<PathResult> image_;  // result for the image before the path was continued
   Path path_;
+  LightSpots::Pixel spots_;  // share()
+  Vec2f offset_;
+  std::optional<LightSpots::Pixel::Second> second_;
   GuideLobe lobe_;  // at the surface where the path is
   std::conditional_t<kMedia, MediaState, NoMedia> media_;
 };
@@ -156,7 +174,7 @@ PathResult PathTracer<kMedia>::trace(const Ray& camera_ray, const Hit* first) {
 template <bool kMedia>
 bool PathTracer<kMedia>::is_cut() {
   if (path_.depth < max_depth_) return false;
-  const bool cut = max_depth_ == kContinuedMaxDepth ||
+  const bool cut = second_ || max_depth_ == kContinuedMaxDepth ||
                    sampler_.hash(dimensions::kTraceOn) % kCutPathsPerContinued != 0;
   if (PathObserver* observer = scratch_->observer) [[unlikely]]
     observer->on_max_depth(!cut);
@@ -164,6 +182,7 @@ bool PathTracer<kMedia>::is_cut() {
   image_ = path_.result;
   path_.result.radiance = {};
   max_depth_ = kContinuedMaxDepth;
+  spots_ = {};
   return false;
 }
 
@@ -207,8 +226,9 @@ bool PathTracer<kMedia>::step(const Hit& hit) {
     if (Media::passes_unseen(point, hit, position)) return true;
   }
   const Vec4f base = base_color_at(frame_.shading, point);
-  if (path_.depth == 0 && !path_.result.hit.present) record(hit, point, position, base);
+  if (path_.depth == 0 && !path_.result.hit.present && !second_) record(hit, point, position, base);
   if (point.material->source->unlit) {
+    if (second_) return false;
     path_.result.radiance += path_.throughput * base.xyz();
     if (PathObserver* observer = scratch_->observer) [[unlikely]]
       observer->on_radiance(RadianceSource::unlit, path_.throughput * base.xyz(), 1);
@@ -225,6 +245,7 @@ bool PathTracer<kMedia>::step(const Hit& hit) {
         {path_.depth, path_.ray, hit, point, bsdf, position.position, path_.throughput});
   }
   if (passes_straight(bsdf, hit, position)) return true;
+  if (second_ && path_.lobes == second_->lobes) return false;
   if (is_cut()) return false;
   if (frame_.guide != nullptr) [[unlikely]]
     choose_lobe(bsdf, position);
@@ -279,6 +300,7 @@ void PathTracer<kMedia>::add_environment() {
   if (path_.from_camera) {
     switch (frame_.background) {
       case contract::Background::color:
+        if (second_) return;
         path_.result.radiance += path_.throughput * frame_.background_color;
         if (PathObserver* observer = scratch_->observer) [[unlikely]] {
           observer->on_radiance(RadianceSource::environment,
@@ -296,7 +318,8 @@ void PathTracer<kMedia>::add_environment() {
   if (!has_environment) return;
   const EnvironmentMap::Lookup environment =
       frame_.lights.environment(path_.scattered_at, path_.ray.direction);
-  const float weight = path_.specular_bounce ? 1 : power_heuristic(path_.pdf, environment.pdf);
+  float weight = path_.specular_bounce ? 1 : power_heuristic(path_.pdf, environment.pdf);
+  weight *= spot_weight();
   path_.result.radiance += path_.throughput * environment.radiance * weight;
   if (PathObserver* observer = scratch_->observer) [[unlikely]] {
     observer->on_radiance(RadianceSource::environment,
@@ -334,14 +357,14 @@ void PathTracer<kMedia>::add_emission(const ShadingPoint& point, const TriangleI
   if (!point.material->emissive) return;
   Vec3f light = path_.throughput * emission_at(frame_.shading, point, -path_.ray.direction);
   if (!(max_component(light) > 0)) return;
-  float weight = 1;
+  float weight = spot_weight();
   if (!path_.specular_bounce) {
     const float distance = length(position - path_.scattered_at.point);
     const float cosine = std::fabs(dot(point.geometric_normal, path_.ray.direction));
     const float other = frame_.lights.emitter_pdf(path_.scattered_at, id, distance, cosine);
-    weight = power_heuristic(path_.pdf, other);
-    light *= weight;
+    weight *= power_heuristic(path_.pdf, other);
   }
+  light *= weight;
   path_.result.radiance += light;
   if (PathObserver* observer = scratch_->observer) [[unlikely]]
     observer->on_radiance(RadianceSource::emission, light, weight);
@@ -387,7 +410,7 @@ bool PathTracer<kMedia>::draw_light(const LightSampleContext& context, std::uint
 template <bool kMedia>
 void PathTracer<kMedia>::add_direct(const Bsdf& bsdf, const TriangleId& id,
                                     const SurfacePoint& position) {
-  if (!frame_.lights.samples_anything() || !has_smooth_density(bsdf)) return;
+  if (second_ || !frame_.lights.samples_anything() || !has_smooth_density(bsdf)) return;
   LightSample light;
   LightSampleContext context = light_sample_context(bsdf, position, path_.ray.time);
   context.surface = &position;
@@ -478,26 +501,57 @@ void PathTracer<kMedia>::choose_lobe(const Bsdf& bsdf, const SurfacePoint& posit
   lobe_.probability *= bsdf.cosine_probability;
 }
 
+/// Samples the BSDF or the guide, and applies Russian roulette. Returns false if the path ends.
+template <bool kMedia>
+bool PathTracer<kMedia>::draw_direction(const Bsdf& bsdf, BsdfSample* next) {
+  const Vec4f u = sampler_.get_4d(dimensions::bsdf(bounce()));
+  const bool scatters = lobe_.probability > 0 ? sample_guided(bsdf, lobe_, u, next, &path_.unguided)
+                                              : sample_bsdf(bsdf, u.z, {u.x, u.y}, next);
+  if (!scatters) return false;
+  path_.throughput *= next->weight;
+  if (PathObserver* observer = scratch_->observer) [[unlikely]]
+    observer->on_scatter(*next, path_.throughput);
+  return survives(u.w);
+}
+
+/// Takes the next of the lobes that a second path follows. Returns false if the path ends.
+template <bool kMedia>
+bool PathTracer<kMedia>::follow_lobe(const Bsdf& bsdf, BsdfSample* next) {
+  const std::optional<DeltaLobe> lobe = next_lobe(path_.lobes, second_->lobes);
+  if (!lobe || !(sample_delta(bsdf, *lobe, next) > 0)) return false;
+  path_.throughput *= next->weight;
+  ++path_.depth;
+  if (PathObserver* observer = scratch_->observer) [[unlikely]]
+    observer->on_scatter(*next, path_.throughput);
+  return true;
+}
+
+/// Weight of light that the path finds, against the same light found by the other path of the
+/// sample.
+template <bool kMedia>
+float PathTracer<kMedia>::spot_weight() const {
+  if (second_) return path_.lobes == second_->lobes ? second_->weight : 0;
+  return path_.lobes == 0 || spots_.empty() ? 1 : spots_.weight(offset_, path_.lobes);
+}
+
 template <bool kMedia>
 bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
                                  const SurfacePoint& position) {
-  const Vec4f u = sampler_.get_4d(dimensions::bsdf(bounce()));
   BsdfSample next;
-  const bool scatters = lobe_.probability > 0
-                            ? sample_guided(bsdf, lobe_, u, &next, &path_.unguided)
-                            : sample_bsdf(bsdf, u.z, {u.x, u.y}, &next);
-  if (!scatters) return false;
-  path_.throughput *= next.weight;
-  if (PathObserver* observer = scratch_->observer) [[unlikely]]
-    observer->on_scatter(next, path_.throughput);
-  if (!survives(u.w)) return false;
+  const bool continues = second_ ? follow_lobe(bsdf, &next) : draw_direction(bsdf, &next);
+  if (!continues) return false;
   if constexpr (kMedia) {
     if (next.transmitted && bsdf.interface == Interface::solid)
       media_.stack.cross(body_of(point), point.front);
     media_.traversal.restart();
   }
   path_.from_camera = false;
-  if (!next.delta) path_.footprint = path_.growth = 0;
+  if (!next.delta) {
+    path_.footprint = path_.growth = 0;
+    path_.lobes = 0;
+  } else if (path_.lobes != 0) {
+    path_.lobes = with_lobe(path_.lobes, next.lobe);
+  }
   path_.specular_bounce = next.delta;
   path_.pdf = next.pdf;
   path_.scattered_at = light_sample_context(bsdf, position, path_.ray.time);
@@ -511,9 +565,8 @@ namespace {
 
 /// Makes t_max negative for paths without a camera ray, so that they hit nothing.
 template <bool kMoves>
-Ray camera_ray(const FrameContext& frame, const PathId& id, const Sampler& sampler) {
-  const Vec2f u = sampler.get_2d(dimensions::kFilter);
-  const Vec2f offset = frame.filter.sample(u);
+Ray camera_ray(const FrameContext& frame, const PathId& id, const Sampler& sampler,
+               const Vec2f& offset) {
   Vec2f lens;
   if (frame.camera.takes_lens()) [[unlikely]]
     lens = sampler.get_2d(dimensions::kLens);
@@ -541,8 +594,36 @@ __attribute__((noinline)) void begin_paths(const FrameContext& frame, std::span<
   for (std::size_t i = 0; i < ids.size(); ++i) {
     const PathId& id = ids[i];
     samplers[i] = Sampler(frame.seed, frame.frame, id.x, id.y, id.sample);
-    rays[i] = camera_ray<kMoves>(frame, id, samplers[i]);
+    const Vec2f offset = frame.filter.sample(samplers[i].get_2d(dimensions::kFilter));
+    rays[i] = camera_ray<kMoves>(frame, id, samplers[i], offset);
   }
+}
+
+/// Traces a path, and a second one that looks for the lights in the spots around its pixel.
+template <bool kMedia>
+PathResult trace_sample(const FrameContext& frame, const PathId& id, const Sampler& sampler,
+                        const Ray& ray, const Hit* first, PathScratch* scratch) {
+  PathTracer<kMedia> tracer(frame, sampler, scratch);
+  if (frame.spots == nullptr) return tracer.trace(ray, first);
+  const LightSpots::Pixel spots = frame.spots->at(id.x, id.y);
+  if (spots.empty()) return tracer.trace(ray, first);
+  tracer.share(spots, frame.filter.sample(sampler.get_2d(dimensions::kFilter)));
+  PathResult result = tracer.trace(ray, first);
+  // No pixel of an image is to the left of its edge.
+  const Sampler other(frame.seed, frame.frame, ~id.x, id.y, id.sample);
+  const Vec4f u = other.get_4d(dimensions::kFilter);
+  const LightSpots::Pixel::Second second = spots.sample(u.z, {u.x, u.y});
+  if (!(second.weight > 0)) return result;
+  const Ray second_ray = camera_ray<false>(frame, id, other, second.offset);
+  if (second_ray.t_max < 0) return result;
+  if (PathObserver* observer = scratch->observer) [[unlikely]]
+    observer->on_second_path(second.offset);
+  PathTracer<kMedia> looking(frame, other, scratch);
+  looking.follow_lobes(second);
+  const PathResult found = looking.trace(second_ray, nullptr);
+  result.radiance += found.radiance;
+  result.limit_count += found.limit_count;
+  return result;
 }
 
 /// Returns whether every surface blocks camera rays.
@@ -574,11 +655,9 @@ void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScr
     const Hit* first = known ? &hits[i] : nullptr;
     const contract::TraversalCounts before =
         counted ? thread_traversal_counts() : contract::TraversalCounts{};
-    if (frame.shading.tracks_bodies) [[unlikely]] {
-      results[i] = PathTracer<true>(frame, samplers[i], scratch).trace(rays[i], first);
-    } else {
-      results[i] = PathTracer<false>(frame, samplers[i], scratch).trace(rays[i], first);
-    }
+    results[i] = frame.shading.tracks_bodies
+                     ? trace_sample<true>(frame, ids[i], samplers[i], rays[i], first, scratch)
+                     : trace_sample<false>(frame, ids[i], samplers[i], rays[i], first, scratch);
     if (counted) [[unlikely]]
       results[i].cost = thread_traversal_counts() - before;
   }

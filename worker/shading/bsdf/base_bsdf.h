@@ -168,6 +168,7 @@ inline bool draw(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample
     sample->transmitted = !reflect;
     sample->delta = b.mirror;
     if (b.mirror) {
+      sample->lobe = reflect ? DeltaLobe::reflection : DeltaLobe::refraction;
       sample->weight = reflect ? facet_reflectance<kExtended>(b, layer, c) / (p_facets * p_reflect)
                                : b.transmit * layer.pass / (p_facets * (1 - p_reflect));
     }
@@ -192,6 +193,22 @@ inline float scattered_albedo(const Bsdf& b) {
   float behind = 0;
   if constexpr (kExtended) behind = b.extended->behind_albedo;
   return behind + b.diffuse_albedo + luminance(facet_reflectance<kExtended>(b, layer, b.wo.z));
+}
+
+/// A value of u_lobe with which draw() samples a delta lobe, and its probability; 0 if the base has
+/// no such lobe.
+struct LobeChoice {
+  float u_lobe = 0, probability = 0;
+};
+
+template <bool kExtended>
+inline LobeChoice choice_of(const Bsdf& b, DeltaLobe lobe) {
+  if (!b.mirror || lobe == DeltaLobe::coat) return {};
+  const float p_reflect = reflect_probability<kExtended>(b, layer_at<kExtended>(b, b.wo.z), b.wo.z);
+  const float p_facets = 1 - b.cosine_probability;
+  if (lobe == DeltaLobe::reflection)
+    return {b.cosine_probability + p_facets * (p_reflect * 0.5f), p_facets * p_reflect};
+  return {b.cosine_probability + p_facets * (0.5f + p_reflect * 0.5f), p_facets * (1 - p_reflect)};
 }
 
 template <bool kExtended>

@@ -60,6 +60,15 @@ float scattered_albedo(const Bsdf& b) {
   return base_bsdf::scattered_albedo<false>(b);
 }
 
+float sample_delta(const Bsdf& b, DeltaLobe lobe, BsdfSample* sample) {
+  const base_bsdf::LobeChoice choice =
+      b.extended ? extended_bsdf::choice_of(b, lobe) : base_bsdf::choice_of<false>(b, lobe);
+  if (!(choice.probability > 0) || !sample_bsdf(b, choice.u_lobe, {}, sample)) return 0;
+  if (!sample->delta || sample->lobe != lobe) return 0;  // rounding of a tiny probability
+  sample->weight *= choice.probability;
+  return choice.probability;
+}
+
 bool has_smooth_density(const Bsdf& b) {
   return base_bsdf::has_smooth_density<false>(b) ||
          (b.extended && extended_bsdf::has_smooth_density(b));

@@ -145,12 +145,16 @@ struct BsdfValue {
   float pdf = 0;  // of sample_bsdf(), over solid angle, without delta lobes
 };
 
+/// Delta lobes of a BSDF.
+enum class DeltaLobe : std::uint8_t { coat, reflection, refraction };
+
 struct BsdfSample {
   Vec3f wi;      // world
   Vec3f weight;  // f cos / pdf
   float pdf = 0;
   bool delta = false;
-  bool transmitted = false;  // wi is on the far side
+  DeltaLobe lobe = DeltaLobe::reflection;  // set if `delta`
+  bool transmitted = false;                // wi is on the far side
 };
 
 /// Prepares scattering for a viewer in direction `wo` (world, unit, on the side of both normals).
@@ -188,6 +192,11 @@ Vec3f straight_transmittance(const Bsdf& bsdf);
 
 /// Estimated albedo of sample_bsdf(), for choosing between it and straight transmission.
 float scattered_albedo(const Bsdf& bsdf);
+
+/// Samples a delta lobe. Its weight is f cos, not divided by the probability of the lobe. Light
+/// going straight through a thin surface is excluded. Returns the probability with which
+/// sample_bsdf() draws the lobe; 0 if the BSDF has no such lobe or the sample is lost.
+float sample_delta(const Bsdf& bsdf, DeltaLobe lobe, BsdfSample* sample);
 
 /// Returns whether light sampling can contribute: the BSDF has a non-delta lobe.
 bool has_smooth_density(const Bsdf& bsdf);

@@ -51,6 +51,7 @@ bool draw_coat(const Bsdf& b, const Vec2f& u, BsdfSample* sample) {
   sample->transmitted = false;
   sample->delta = coat.mirror;
   if (coat.mirror) {
+    sample->lobe = DeltaLobe::coat;
     const float weight = coat.weight / b.extended->coat_probability;
     sample->weight = {weight, weight, weight};
   }
@@ -221,6 +222,18 @@ float scattered_albedo(const Bsdf& b) {
   const ExtendedLobes& x = *b.extended;
   return base_bsdf::scattered_albedo<true>(b) * passed_by_layers(b, b.wo.z) + x.coat.weight +
          luminance(x.sheen.color) * clamp(x.sheen.albedo, 0.0f, 1.0f);
+}
+
+base_bsdf::LobeChoice choice_of(const Bsdf& b, DeltaLobe lobe) {
+  const ExtendedLobes& x = *b.extended;
+  if (lobe == DeltaLobe::coat) {
+    if (!x.coat.mirror) return {};
+    return {x.coat_probability * 0.5f, x.coat_probability};
+  }
+  base_bsdf::LobeChoice choice = base_bsdf::choice_of<true>(b, lobe);
+  choice.u_lobe = x.coat_probability + x.sheen_probability + base_probability(x) * choice.u_lobe;
+  choice.probability *= base_probability(x);
+  return choice;
 }
 
 bool has_smooth_density(const Bsdf& b) {

@@ -1,0 +1,311 @@
+// Second paths towards small images of lights change the noise of a picture, not its expected
+// values.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "tests/support/scene/plain_scene.h"
+#include "worker/light/emitters/environment_map.h"
+#include "worker/render/camera/camera_rays.h"
+#include "worker/render/parallel_threads.h"
+#include "worker/render/spots/light_spots.h"
+#include "worker/render/spots/small_lights.h"
+#include "worker/render/spots/specular_segments.h"
+#include "worker/render/spots/spot_search.h"
+
+namespace tessera::testing {
+namespace {
+
+using render::DeltaLobe;
+using render::LightSpot;
+using render::LightSpots;
+using render::Material;
+using render::PixelFilterSampler;
+using render::Scene;
+using render::Vec2f;
+using render::Vec3d;
+using render::Vec3f;
+
+constexpr std::int32_t kWidth = 32, kHeight = 24;
+
+/// The number of one delta lobe, and of two.
+std::uint64_t lobes_of(DeltaLobe first) {
+  return render::with_lobe(render::kNoLobes, first);
+}
+std::uint64_t lobes_of(DeltaLobe first, DeltaLobe second) {
+  return render::with_lobe(lobes_of(first), second);
+}
+
+TEST(DeltaLobes, AreFollowedInOrder) {
+  const std::uint64_t all = lobes_of(DeltaLobe::refraction, DeltaLobe::coat);
+  EXPECT_EQ(render::next_lobe(render::kNoLobes, all), DeltaLobe::refraction);
+  EXPECT_EQ(render::next_lobe(lobes_of(DeltaLobe::refraction), all), DeltaLobe::coat);
+  EXPECT_EQ(render::next_lobe(all, all), std::nullopt);
+  std::uint64_t many = render::kNoLobes;
+  for (int i = 0; i < 31; ++i) many = render::with_lobe(many, DeltaLobe::reflection);
+  EXPECT_NE(many, 0u);
+  EXPECT_EQ(render::with_lobe(many, DeltaLobe::reflection), 0u);
+}
+
+TEST(PixelFilter, DensityIsThatOfSamples) {
+  for (const auto kind : {contract::PixelFilter::box, contract::PixelFilter::gaussian,
+                          contract::PixelFilter::blackman_harris}) {
+    const PixelFilterSampler filter(kind, 3);
+    constexpr int kSide = 1024;
+    const auto peak = std::sqrt(static_cast<double>(filter.density(Vec2f{0, 0})));
+    const auto quantile = [&](int i) {
+      return static_cast<double>(filter.sample({static_cast<float>(i) / kSide, 0.5f}).x);
+    };
+    // The middle half of the samples; the tables' steps are 1 / 1024 of the width.
+    for (int i = kSide / 4; i < kSide * 3 / 4; i += 32) {
+      const double middle = 0.5 * (quantile(i) + quantile(i + 32));
+      const double density =
+          static_cast<double>(filter.density(Vec2f{static_cast<float>(middle), 0})) / peak;
+      EXPECT_NEAR(32.0 / kSide / (quantile(i + 32) - quantile(i)), density, 0.01 * density);
+    }
+    // The integral of the density.
+    double sum = 0;
+    for (int i = 0; i < 3 * kSide; ++i) {
+      const float x = (static_cast<float>(i) + 0.5f) / kSide - 1.5f;
+      sum += static_cast<double>(filter.density(Vec2f{x, 0})) / kSide;
+    }
+    EXPECT_NEAR(sum, peak, 1e-4 * peak);
+    EXPECT_EQ(filter.density(Vec2f{1.6f, 0}), 0);
+  }
+}
+
+/// Light that a sample finds at an offset, for the test below.
+double light_at(const Vec2f& p) {
+  return 1 + 0.3 * static_cast<double>(p.x) + 0.2 * static_cast<double>(p.x * p.y);
+}
+
+// The two paths of a sample together find the light of each way once.
+TEST(LightSpots, WeightsOfBothPathsAddUp) {
+  const PixelFilterSampler filter(contract::PixelFilter::gaussian, 3);
+  const std::uint64_t mirror = lobes_of(DeltaLobe::reflection);
+  const std::uint64_t lens = lobes_of(DeltaLobe::refraction, DeltaLobe::refraction);
+  const LightSpots spots({{10.7, 8.2, 0.1, 0.05, 0.2, mirror, 100, 1},
+                          {10.4, 8.9, 0.3, 0, 0.1, mirror, 50, 0.25f},
+                          {10, 8, 2, 0.5, 3, lens, 2, 0.05f}},
+                         filter, kWidth, kHeight);
+  const LightSpots::Pixel pixel = spots.at(10, 8);
+  ASSERT_FALSE(pixel.empty());
+  constexpr int kSide = 400, kChoices = 60;
+  for (const std::uint64_t lobes : {mirror, lens}) {
+    double first = 0, whole = 0, second = 0;
+    for (int i = 0; i < kSide * kSide; ++i) {
+      const Vec2f u{(static_cast<float>(i % kSide) + 0.5f) / kSide,
+                    (static_cast<float>(i / kSide) + 0.5f) / kSide};
+      const Vec2f p = filter.sample(u);
+      whole += light_at(p);
+      first += light_at(p) * static_cast<double>(pixel.weight(p, lobes));
+      for (int k = 0; k < kChoices; ++k) {
+        const auto found = pixel.sample((static_cast<float>(k) + 0.5f) / kChoices, u);
+        if (found.lobes != lobes) continue;
+        second += light_at(found.offset) * static_cast<double>(found.weight) / kChoices;
+      }
+    }
+    EXPECT_LT(first, whole);
+    EXPECT_GT(second, 0);
+    // Error of the choices: the shares of the spots are met to 1 / 120.
+    EXPECT_NEAR((first + second) / whole, 1, 0.02) << lobes;
+  }
+  EXPECT_EQ(pixel.weight({0, 0}, lobes_of(DeltaLobe::coat)), 1);
+  EXPECT_TRUE(spots.at(20, 8).empty());
+}
+
+/// What a search finds in a scene.
+std::vector<LightSpot> spots_in(const Scene& scene) {
+  const render::ShadingScene shading(scene);
+  const render::SceneAccel accel(scene, render::sequential());
+  const render::LightSampler lights(scene, shading);
+  const render::CameraRays camera(scene.camera, kWidth, kHeight);
+  render::SpotSearch search{shading, accel, camera};
+  search.width = kWidth;
+  search.height = kHeight;
+  search.margin = 1.5;
+  search.pixel_area = 2;
+  return find_spots(search, render::small_lights(scene, shading, lights), render::sequential());
+}
+
+/// A square lamp that faces down, and its mirror image in the plane y = 0.
+constexpr Vec3f kCorner{0.3f, 1.5f, -0.6f};
+constexpr float kSide = 0.02f;
+
+Scene flat_mirror(const Material& material) {
+  Scene scene = empty_scene();
+  add_primitive(&scene, quad({-3, 0, 3}, {6, 0, 0}, {0, 0, -6}, add_material(&scene, material)));
+  add_primitive(&scene,
+                quad(kCorner, {kSide, 0, 0}, {0, 0, kSide}, add_material(&scene, lamp(100))));
+  look_at(&scene, {0, 1.2, 4}, {0, -0.3, 0});
+  return scene;
+}
+
+TEST(SpotSearch, FindsImageInFlatMirror) {
+  const Scene scene = flat_mirror(metal(0));
+  const render::CameraRays camera(scene.camera, kWidth, kHeight);
+  const auto image = [&](float s, float t) {
+    const Vec3d p{double{kCorner.x + s * kSide}, -double{kCorner.y}, double{kCorner.z + t * kSide}};
+    return *camera.project(p);
+  };
+  const auto centre = image(0.5f, 0.5f), corner = image(0, 0), right = image(1, 0),
+             down = image(0, 1);
+  const double area = std::fabs((right.x - corner.x) * (down.y - corner.y) -
+                                (right.y - corner.y) * (down.x - corner.x));
+  int found = 0;
+  for (const LightSpot& spot : spots_in(scene)) {
+    if (spot.lobes != lobes_of(DeltaLobe::reflection)) continue;
+    ++found;
+    EXPECT_NEAR(spot.x, centre.x, 1e-3);
+    EXPECT_NEAR(spot.y, centre.y, 1e-3);
+    // The ellipse through the corners of a square has pi / 2 times its area.
+    EXPECT_NEAR(spot.area() / area, std::numbers::pi / 2, 0.02);
+    EXPECT_NEAR(spot.brightness, 100, 1e-3);
+    EXPECT_EQ(spot.probability, 1);
+  }
+  EXPECT_EQ(found, 1);
+}
+
+// The lamp seen directly is a spot too; from the other side it is dark.
+TEST(SpotSearch, FindsLampItselfFromItsBrightSide) {
+  Scene scene = flat_mirror(lambert({0.5f, 0.5f, 0.5f}));
+  look_at(&scene, {0, 0.2, 4}, {0, 1, 0});
+  ASSERT_EQ(spots_in(scene).size(), 1u);
+  EXPECT_EQ(spots_in(scene)[0].lobes, render::kNoLobes);
+  look_at(&scene, {0, 3, 4}, {0, 1, 0});
+  EXPECT_TRUE(spots_in(scene).empty());
+}
+
+TEST(SpotSearch, OmitsHiddenImages) {
+  Scene scene = flat_mirror(metal(0));
+  add_primitive(&scene, box({0.2f, 1.3f, -0.8f}, {0.5f, 1.4f, -0.4f}, false,
+                            add_material(&scene, lambert({0, 0, 0}))));
+  EXPECT_TRUE(spots_in(scene).empty());
+}
+
+// Paths of a ball of glass that few samples choose: reflections at its outside and inside.
+TEST(SpotSearch, FindsImagesOfBall) {
+  Scene scene = empty_scene();
+  add_primitive(&scene, sphere({0, 0, 0}, 0.8f, 48, add_material(&scene, glass(1.5f))));
+  add_primitive(
+      &scene, quad({-0.5f, 2, 0.5f}, {0.1f, 0, 0}, {0, 0, 0.1f}, add_material(&scene, lamp(100))));
+  look_at(&scene, {0, 1, 4}, {0, 0, 0});
+  int outside = 0, inside = 0;
+  for (const LightSpot& spot : spots_in(scene)) {
+    std::uint64_t within = lobes_of(DeltaLobe::refraction, DeltaLobe::reflection);
+    within = render::with_lobe(within, DeltaLobe::reflection);
+    within = render::with_lobe(within, DeltaLobe::refraction);
+    outside += spot.lobes == lobes_of(DeltaLobe::reflection) ? 1 : 0;
+    inside += spot.lobes == within ? 1 : 0;
+    EXPECT_LT(spot.probability, 0.25f);
+  }
+  EXPECT_EQ(outside, 1);
+  EXPECT_GE(inside, 1);
+}
+
+TEST(EnvironmentSun, IsFoundWhereBrightAndSmall) {
+  constexpr std::int32_t kColumns = 256, kRows = 128;
+  Scene scene = empty_scene();
+  std::vector<float> sky(kColumns * kRows * 3, 1);
+  const auto light = [&](int x, int y, float radiance) {
+    for (std::size_t c = 0; c < 3; ++c)
+      sky[static_cast<std::size_t>(y * kColumns + x) * 3 + c] = radiance;
+  };
+  set_sky(&scene, kColumns, kRows, sky);
+  EXPECT_FALSE(render::EnvironmentMap(scene).sun());
+  for (const int x : {0, 255}) {  // across the seam of the map
+    light(x, 40, 5000);
+    light(x, 41, 5000);
+  }
+  set_sky(&scene, kColumns, kRows, sky);
+  const auto sun = render::EnvironmentMap(scene).sun();
+  ASSERT_TRUE(sun);
+  const double polar = std::numbers::pi * 41 / kRows;  // the seam is at -x
+  EXPECT_NEAR(sun->towards.x, -std::sin(polar), 1e-4);
+  EXPECT_NEAR(sun->towards.y, std::cos(polar), 1e-4);
+  EXPECT_NEAR(sun->towards.z, 0, 1e-9);
+  EXPECT_NEAR(sun->radiance, 5000, 1);
+  const double texel = std::numbers::pi / kRows;
+  EXPECT_NEAR(sun->radius, std::sqrt(4 * std::sin(polar) / std::numbers::pi) * texel, 1e-3 * texel);
+  // Two texels and two tents: (1/4 + 1/6) of a texel's square.
+  EXPECT_NEAR(sun->covariance[1].y, (0.25 + 1.0 / 6) * texel * texel, 0.1 * texel * texel);
+  for (int x = 100; x < 130; ++x) light(x, 60, 6000);
+  set_sky(&scene, kColumns, kRows, sky);
+  EXPECT_FALSE(render::EnvironmentMap(scene).sun());
+}
+
+/// Balls of metal and glass and a coated floor under a small lamp, in a dim sky.
+Scene balls(float side) {
+  Scene scene = empty_scene();
+  Material floor = lambert({0.4f, 0.4f, 0.4f});
+  floor.clearcoat.factor = 1;
+  add_primitive(&scene, quad({-3, -0.6f, 3}, {6, 0, 0}, {0, 0, -6}, add_material(&scene, floor)));
+  const auto chrome = add_material(&scene, metal(0));
+  add_primitive(&scene, sphere({-0.9f, 0, 0}, 0.6f, 32, chrome));
+  add_primitive(&scene, sphere({0.4f, 0, -0.2f}, 0.6f, 32, chrome));
+  add_primitive(&scene, sphere({1.2f, -0.2f, 0.9f}, 0.4f, 32, add_material(&scene, glass(1.5f))));
+  add_primitive(&scene, quad({0, 2, 0}, {side, 0, 0}, {0, 0, side},
+                             add_material(&scene, lamp(4 / (side * side)))));
+  set_constant_sky(&scene, 0.25f);
+  look_at(&scene, {0, 1, 5}, {0, 0, 0});
+  return scene;
+}
+
+contract::RenderSettings settings_for(std::int32_t spp, bool guiding) {
+  auto settings = small_settings(kWidth, kHeight, spp);
+  settings.guiding = guiding;
+  settings.max_depth = 6;
+  return settings;
+}
+
+TEST(LightSpots, PicturesHaveSameMean) {
+  const Scene scene = balls(0.25f);
+  ASSERT_FALSE(spots_in(scene).empty());
+  const Picture plain = render_picture(scene, settings_for(8192, false));
+  const Picture guided = render_picture(scene, settings_for(2048, true));
+  const double error = std::hypot(plain.mean_error(), guided.mean_error());
+  EXPECT_LT(std::fabs(plain.mean() - guided.mean()), 4 * error);
+  EXPECT_LT(largest_difference(plain, guided), 4.5);
+}
+
+/// Mean square of the differences between two pictures of different seeds.
+double noise(const Scene& scene, bool guiding) {
+  auto settings = settings_for(64, guiding);
+  const Picture a = render_picture(scene, settings);
+  settings.seed = 1;
+  const Picture b = render_picture(scene, settings);
+  double sum = 0;
+  for (std::size_t i = 0; i < a.rgb.size(); ++i) {
+    const double scale = 0.5 * (a.rgb[i] + b.rgb[i]) + 0.1;
+    sum += (a.rgb[i] - b.rgb[i]) * (a.rgb[i] - b.rgb[i]) / (scale * scale);
+  }
+  return sum / static_cast<double>(a.rgb.size());
+}
+
+TEST(LightSpots, SmallLampInMirrorsHasLessNoise) {
+  Scene scene = balls(0.02f);
+  scene.camera.yfov = 0.25;  // balls only
+  const double plain = noise(scene, false), guided = noise(scene, true);
+  RecordProperty("gain", std::to_string(plain / guided));
+  EXPECT_GT(plain / guided, 4);
+}
+
+TEST(LightSpots, SunInMirrorsHasLessNoise) {
+  constexpr std::int32_t kColumns = 256, kRows = 128;
+  Scene scene = empty_scene();
+  add_primitive(&scene, sphere({0, 0, 0}, 1, 48, add_material(&scene, metal(0))));
+  std::vector<float> sky(kColumns * kRows * 3, 1);
+  for (std::size_t c = 0; c < 3; ++c) sky[(40 * kColumns + 170) * 3 + c] = 20000;
+  set_sky(&scene, kColumns, kRows, sky);
+  look_at(&scene, {0, 0, 8}, {0, 0, 0});
+  const double plain = noise(scene, false), guided = noise(scene, true);
+  RecordProperty("gain", std::to_string(plain / guided));
+  EXPECT_GT(plain / guided, 4);
+}
+
+}  // namespace
+}  // namespace tessera::testing

@@ -1,0 +1,148 @@
+#include "worker/render/spots/small_lights.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numeric>
+#include <optional>
+
+#include "worker/geometry/bounds.h"
+#include "worker/light/emitters/emissive_power.h"
+#include "worker/light/emitters/shape_light.h"
+#include "worker/math/transform.h"
+
+namespace tessera::render {
+namespace {
+
+constexpr std::size_t kMaxLights = 64;
+
+/// Sums over the triangles of a light.
+struct Component {
+  double area = 0, power = 0;  // square metres; radiance times area
+  Vec3d moment;                // area times position
+  std::array<Vec3d, 3> second{};
+  Box3d box;
+
+  void add(const std::array<Vec3d, 3>& corners, double radiance) {
+    const Vec3d centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+    const double part = length(cross(corners[1] - corners[0], corners[2] - corners[0])) / 2;
+    area += part;
+    power += part * radiance;
+    moment += centre * part;
+    // The mean of p p' over a triangle is (Σ v v' + 9 c c') / 12.
+    for (int k = 0; k < 3; ++k) {
+      Vec3d row = centre * (9 * centre[k]);
+      for (const Vec3d& v : corners) row += v * v[k];
+      second[static_cast<std::size_t>(k)] += row * (part / 12);
+    }
+    for (const Vec3d& v : corners) box.extend(v);
+  }
+
+  SmallLight light() const {
+    SmallLight light;
+    light.centre = moment / area;
+    light.radiance = power / area;
+    light.radius = length(box.hi - box.lo) / 2;
+    for (int k = 0; k < 3; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      light.covariance[i] = second[i] / area - light.centre * light.centre[k];
+    }
+    return light;
+  }
+};
+
+/// Sets of vertices that triangles connect.
+class Connections {
+ public:
+  explicit Connections(std::size_t vertices) : parents_(vertices) {
+    std::iota(parents_.begin(), parents_.end(), 0u);
+  }
+  std::uint32_t root(std::uint32_t v) {
+    while (parents_[v] != v) v = parents_[v] = parents_[parents_[v]];
+    return v;
+  }
+  void connect(std::uint32_t a, std::uint32_t b) {
+    const std::uint32_t x = root(a), y = root(b);
+    parents_[std::max(x, y)] = std::min(x, y);
+  }
+
+ private:
+  std::vector<std::uint32_t> parents_;
+};
+
+struct Candidate {
+  SmallLight light;
+  double power = 0;
+};
+
+void add_triangles(const Instance& instance, const Primitive& p, EmittedRadiance* radiance,
+                   std::vector<Candidate>* found) {
+  Connections connections(p.positions.size());
+  for (const auto& t : p.triangles) {
+    connections.connect(t[0], t[1]);
+    connections.connect(t[0], t[2]);
+  }
+  std::vector<Component> components(p.positions.size());
+  for (const auto& t : p.triangles) {
+    std::array<Vec3d, 3> corners;
+    for (std::size_t k = 0; k < 3; ++k)
+      corners[k] = transform_point(instance.object_to_world, Vec3d(p.positions[t[k]]));
+    components[connections.root(t[0])].add(corners, radiance->at(p, t));
+  }
+  for (const Component& c : components) {
+    if (c.area > 0 && c.power > 0) found->push_back({c.light(), c.power});
+  }
+}
+
+/// A shape counts as the ball in its box.
+void add_shape(const Instance& instance, const Shape& shape, double radiance,
+               std::vector<Candidate>* found) {
+  if (!shape.bounded() || !(radiance > 0)) return;
+  const LightBounds box =
+      ShapeLight(instance.object_to_world, instance.world_to_object, shape).bounds(radiance, false);
+  SmallLight light;
+  light.centre = (box.box_min + box.box_max) * 0.5;
+  const Vec3d half = (box.box_max - box.box_min) * 0.5;
+  light.radius = length(half);
+  light.radiance = radiance;
+  // The projection of a ball has the variance r^2 / 4 on each axis.
+  for (int k = 0; k < 3; ++k) {
+    Vec3d row;
+    row[k] = half[k] * half[k] / 4;
+    light.covariance[static_cast<std::size_t>(k)] = row;
+  }
+  found->push_back({light, radiance * dot(half, half)});
+}
+
+}  // namespace
+
+std::vector<SmallLight> small_lights(const Scene& scene, const ShadingScene& shading,
+                                     const LightSampler& lights) {
+  std::vector<Candidate> found;
+  EmittedRadiance radiance(scene, shading.textures);
+  for (const Instance& instance : scene.instances) {
+    if (instance.operand || instance.flat) continue;
+    const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
+    for (const Primitive& p : mesh.primitives) {
+      const MaterialView& material = shading.materials[static_cast<std::size_t>(p.material)];
+      if (!material.emissive) continue;
+      if (mesh.shape != nullptr) {
+        add_shape(instance, *mesh.shape, double{luminance(material.source->emission)}, &found);
+      } else {
+        add_triangles(instance, p, &radiance, &found);
+      }
+    }
+  }
+  std::stable_sort(found.begin(), found.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.power > b.power; });
+  std::vector<SmallLight> all;
+  for (std::size_t i = 0; i < std::min(found.size(), kMaxLights); ++i)
+    all.push_back(found[i].light);
+  if (lights.environment() != nullptr) {
+    const std::optional<EnvironmentMap::Sun> sun = lights.environment()->sun();
+    if (sun) all.push_back({true, sun->towards, sun->covariance, sun->radius, sun->radiance});
+  }
+  return all;
+}
+
+}  // namespace tessera::render
