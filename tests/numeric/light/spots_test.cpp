@@ -272,6 +272,32 @@ TEST(LightSpots, PicturesHaveSameMean) {
   EXPECT_LT(largest_difference(plain, guided), 4.5);
 }
 
+/// A room with polished walls, which mirror a lamp to the camera and light to each other.
+Scene polished_room() {
+  Scene scene = empty_scene();
+  Material paint = lambert({0.6f, 0.6f, 0.6f});
+  paint.specular = 1;
+  paint.roughness = 0;
+  paint.ior = 2;
+  const auto polished = add_material(&scene, paint);
+  add_primitive(&scene, box({-1, -1, -1}, {1, 1, 3}, true, polished));
+  add_primitive(&scene,
+                quad({-0.5f, 0.99f, -0.7f}, {1, 0, 0}, {0, 0, 1}, add_material(&scene, lamp(4))));
+  look_at(&scene, {0, 0, 2.5}, {0, -0.2, 0});
+  return scene;
+}
+
+// Light that mirrors show to diffuse surfaces is none of the second paths.
+TEST(LightSpots, LightOfMirrorsOnDiffuseSurfacesStays) {
+  const Scene scene = polished_room();
+  ASSERT_FALSE(spots_in(scene).empty());
+  const Picture plain = render_picture(scene, settings_for(4096, false));
+  const Picture guided = render_picture(scene, settings_for(4096, true));
+  const double error = std::hypot(plain.mean_error(), guided.mean_error());
+  EXPECT_LT(std::fabs(plain.mean() - guided.mean()), 4 * error);
+  EXPECT_LT(largest_difference(plain, guided), 4.5);
+}
+
 /// Mean square of the differences between two pictures of different seeds.
 double noise(const Scene& scene, bool guiding) {
   auto settings = settings_for(64, guiding);
