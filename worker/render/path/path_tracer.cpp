@@ -609,7 +609,7 @@ PathResult trace_sample(const FrameContext& frame, const PathId& id, const Sampl
   if (spots.empty()) return tracer.trace(ray, first);
   tracer.share(spots, frame.filter.sample(sampler.get_2d(dimensions::kFilter)));
   PathResult result = tracer.trace(ray, first);
-  // No pixel of an image is to the left of its edge.
+  // The random numbers of a pixel outside the image, which no other path has.
   const Sampler other(frame.seed, frame.frame, ~id.x, id.y, id.sample);
   const Vec4f u = other.get_4d(dimensions::kFilter);
   const LightSpots::Pixel::Second second = spots.sample(u.z, {u.x, u.y});

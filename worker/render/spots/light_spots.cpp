@@ -14,6 +14,8 @@ constexpr float kPi = 3.14159274f;
 /// Two thirds of the samples are uniform in the ellipse, the others beyond it with a density that
 /// falls with the sixth power of the distance.
 constexpr float kInside = 2.0f / 3;
+/// Spots of a pixel, at most: those of the greatest weight.
+constexpr std::size_t kMaxShares = 16;
 
 /// Distance from the centre, relative to the ellipse.
 float distance_for(float u) {
@@ -66,6 +68,7 @@ Vec2f LightSpots::Pixel::sample_in(const LightSpot& spot, const Vec2f& u) const 
 
 float LightSpots::Pixel::weight(const Vec2f& offset, std::uint64_t lobes) const {
   const double usual{all_->filter_.density(offset)};
+  if (!(usual > 0)) return 1;  // rounded to the end of the support, where sample() finds nothing
   return static_cast<float>(usual / (usual + density(offset, lobes).weighed));
 }
 
@@ -112,19 +115,24 @@ LightSpots::LightSpots(std::vector<LightSpot> spots, const PixelFilterSampler& f
       }
     }
   }
-  std::stable_sort(entries.begin(), entries.end(),
-                   [](const Entry& a, const Entry& b) { return a.pixel < b.pixel; });
+  std::stable_sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
+    return a.pixel != b.pixel ? a.pixel < b.pixel : a.weight > b.weight;
+  });
   first_.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) + 1, 0);
-  for (const Entry& entry : entries) ++first_[entry.pixel + 1];
-  for (std::size_t i = 1; i < first_.size(); ++i) first_[i] += first_[i - 1];
   for (std::size_t i = 0; i < entries.size();) {
-    std::size_t end = i;
+    std::size_t end = i, used = 0;
     double sum = 0;
-    for (; end < entries.size() && entries[end].pixel == entries[i].pixel; ++end)
+    for (; end < entries.size() && entries[end].pixel == entries[i].pixel; ++end) {
+      if (used == kMaxShares) continue;
       sum += entries[end].weight;
-    for (; i < end; ++i)
-      shares_.push_back({entries[i].spot, static_cast<float>(entries[i].weight / sum)});
+      ++used;
+    }
+    for (std::size_t k = i; k < i + used; ++k)
+      shares_.push_back({entries[k].spot, static_cast<float>(entries[k].weight / sum)});
+    first_[entries[i].pixel + 1] = static_cast<std::uint32_t>(used);
+    i = end;
   }
+  for (std::size_t i = 1; i < first_.size(); ++i) first_[i] += first_[i - 1];
 }
 
 LightSpots::Pixel LightSpots::at(std::int32_t x, std::int32_t y) const {

@@ -13,7 +13,8 @@
 
 namespace tessera::render {
 
-/// The delta lobes that a path followed: a one, then two bits for each. 0: too many for this.
+/// The delta lobes that a path has followed are a number: in binary a one, then two bits for each.
+/// 0 stands for more than 31 lobes.
 inline constexpr std::uint64_t kNoLobes = 1;
 inline constexpr std::uint64_t with_lobe(std::uint64_t lobes, DeltaLobe lobe) {
   return lobes >> 62 != 0 ? 0 : lobes << 2 | static_cast<std::uint64_t>(lobe);
@@ -27,7 +28,7 @@ inline std::optional<DeltaLobe> next_lobe(std::uint64_t followed, std::uint64_t 
   return static_cast<DeltaLobe>(lobes >> shift & 3);
 }
 
-/// A straight part of a path from the camera on which only delta lobes lie before it.
+/// A straight part of a path from the camera that has only followed delta lobes.
 struct SpecularSegment {
   Ray ray;                  // unit direction; t_max: to the next surface, or infinite
   std::uint64_t way = 0;    // hash of the surfaces and lobes before it
@@ -45,7 +46,7 @@ class SpecularTracer {
   /// Both must outlive the tracer. `max_depth`: scattering events.
   SpecularTracer(const ShadingScene& shading, const SceneAccel& accel, std::int32_t max_depth);
 
-  /// Appends the segments of all ways with a throughput of at least 0.001.
+  /// Appends the segments of all ways with a throughput of at least 0.0001.
   void trace(const Ray& camera_ray, std::vector<SpecularSegment>* segments);
 
   /// The segment that a camera ray reaches by the turns of `like`; nullopt if it meets other

@@ -368,7 +368,9 @@ std::optional<LightSpot> Search::refine(Vec2d at, const SpecularSegment& like,
       spot.brightness =
           here->segment.throughput *
           (light.distant ? static_cast<float>(light.radiance) : here->segment.emitted);
-      if (!is_rare(spot) || !reaches(here->segment, light, here->along)) return std::nullopt;
+      if (!std::isfinite(spot.brightness) || !is_rare(spot) ||
+          !reaches(here->segment, light, here->along))
+        return std::nullopt;
       return spot;
     }
     const double far = length_of(here->step), most = 2 * step_;
