@@ -118,7 +118,7 @@ TEST(LightSpots, WeightsOfBothPathsAddUp) {
   EXPECT_TRUE(spots.at(20, 8).empty());
 }
 
-/// What a search finds in a scene.
+/// The images of lights that the search finds in a scene.
 std::vector<LightSpot> spots_in(const Scene& scene) {
   const render::ShadingScene shading(scene);
   const render::SceneAccel accel(scene, render::sequential());

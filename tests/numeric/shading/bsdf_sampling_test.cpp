@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "worker/geometry/frame.h"
 #include "worker/shading/bsdf/bsdf.h"
 #include "worker/shading/microfacet/fresnel.h"
 
@@ -286,6 +287,47 @@ struct Grazing {
 };
 constexpr Grazing kReflection[] = {{0.05f, 1e-5}, {0.005f, 3e-5}};
 constexpr Grazing kTransmission[] = {{0.05f, 3e-5}, {0.01f, 1e-4}};
+
+// Each delta lobe, drawn on its own, is the one that random numbers choose with its probability.
+TEST(BsdfSampling, DeltaLobesAreThoseOfSamples) {
+  const Vec3f tilted = normalize(Vec3f{0.2f, 0.1f, 1});
+  const Frame axes = Frame::from_normal(tilted);
+  const BsdfFrame coat_frame{axes.s, axes.t, axes.n, {0, 0, 1}};
+  const Vec3f wo = normalize(Vec3f{0.6f, 0.2f, 0.7f});
+  const BsdfExtensions coat{.coat = 0.7f};
+  const Lobe steel = plain("steel", 1, 0), glass = transmissive("glass", Interface::solid, 0, 1);
+  const auto coated = [&](const Lobe& lobe) {
+    return make_extended_bsdf(lobe.parameters, coat, tables(), frame_of(true), coat_frame, wo);
+  };
+  int lobes = 0;
+  for (const Bsdf& bsdf :
+       {bsdf_of(glass, wo), bsdf_of(transmissive("pane", Interface::thin, 0, 1), wo),
+        bsdf_of(plain("paint", 0, 0), wo), bsdf_of(steel, wo), coated(steel), coated(glass),
+        bsdf_of(plain("rough", 0, 0.5f), wo)}) {
+    constexpr int kDraws = 4096;
+    std::array<int, 3> drawn{};
+    std::array<BsdfSample, 3> last;
+    for (int i = 0; i < kDraws; ++i) {
+      BsdfSample s;
+      const float u = (static_cast<float>(i) + 0.5f) / kDraws;
+      if (!sample_bsdf(bsdf, u, {0.5f, 0.5f}, &s) || !s.delta) continue;
+      ++drawn[static_cast<std::size_t>(s.lobe)];
+      last[static_cast<std::size_t>(s.lobe)] = s;
+    }
+    for (const auto lobe : {DeltaLobe::coat, DeltaLobe::reflection, DeltaLobe::refraction}) {
+      const auto k = static_cast<std::size_t>(lobe);
+      BsdfSample s;
+      const float probability = sample_delta(bsdf, lobe, &s);
+      ASSERT_NEAR(static_cast<double>(probability), drawn[k] / double{kDraws}, 1.0 / kDraws);
+      if (drawn[k] == 0) continue;
+      ++lobes;
+      EXPECT_EQ(s.wi, last[k].wi);
+      EXPECT_EQ(s.transmitted, last[k].transmitted);
+      EXPECT_NEAR(s.weight.x, last[k].weight.x * probability, 1e-6f);
+    }
+  }
+  EXPECT_EQ(lobes, 2 + 1 + 1 + 1 + 2 + 3);
+}
 
 TEST(BsdfReciprocity, ReflectionIsSymmetric) {  // hard case 47
   Random random(3);

@@ -510,54 +510,6 @@ TEST(Bsdf, SmoothGlassMirrorsAtGeometricNormal) {
 }
 
 // Each side of a leaf is chosen with its share of the light, so that all samples weigh the same.
-// Each delta lobe, drawn on its own, is the one that random numbers choose with its probability.
-TEST(Bsdf, DeltaLobesAreThoseOfSamples) {
-  BsdfParameters clear = base(0, 0);
-  clear.transmission = 1;
-  BsdfParameters pane = clear, paint = base(0, 0), steel = base(1, 0);
-  clear.interface = Interface::solid;
-  pane.interface = Interface::thin;
-  BsdfExtensions coat;
-  coat.coat = 0.7f;
-  const Frame tilted = Frame::from_normal(normalize(Vec3f{0.2f, 0.1f, 1}));
-  const BsdfFrame frame{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 1}};
-  const BsdfFrame coat_frame{tilted.s, tilted.t, tilted.n, {0, 0, 1}};
-  const Vec3f wo = normalize(Vec3f{0.6f, 0.2f, 0.7f});
-  const std::vector<Bsdf> all = {
-      make_bsdf(clear, tables().all(), frame, wo),
-      make_bsdf(pane, tables().all(), frame, wo),
-      make_bsdf(paint, tables().all(), frame, wo),
-      make_bsdf(steel, tables().all(), frame, wo),
-      make_extended_bsdf(steel, coat, tables().all(), frame, coat_frame, wo),
-      make_extended_bsdf(clear, coat, tables().all(), frame, coat_frame, wo),
-      make_bsdf(base(0, 0.5f), tables().all(), frame, wo)};
-  int lobes = 0;
-  for (const Bsdf& bsdf : all) {
-    constexpr int kDraws = 4096;
-    std::array<int, 3> drawn{};
-    std::array<BsdfSample, 3> last;
-    for (int i = 0; i < kDraws; ++i) {
-      BsdfSample s;
-      if (!sample_bsdf(bsdf, (static_cast<float>(i) + 0.5f) / kDraws, {0.5f, 0.5f}, &s) || !s.delta)
-        continue;
-      ++drawn[static_cast<std::size_t>(s.lobe)];
-      last[static_cast<std::size_t>(s.lobe)] = s;
-    }
-    for (const auto lobe : {DeltaLobe::coat, DeltaLobe::reflection, DeltaLobe::refraction}) {
-      const auto k = static_cast<std::size_t>(lobe);
-      BsdfSample s;
-      const float probability = sample_delta(bsdf, lobe, &s);
-      ASSERT_NEAR(static_cast<double>(probability), drawn[k] / double{kDraws}, 1.0 / kDraws);
-      if (drawn[k] == 0) continue;
-      ++lobes;
-      EXPECT_EQ(s.wi, last[k].wi);
-      EXPECT_EQ(s.transmitted, last[k].transmitted);
-      EXPECT_NEAR(s.weight.x, last[k].weight.x * probability, 1e-6f);
-    }
-  }
-  EXPECT_EQ(lobes, 2 + 1 + 1 + 1 + 2 + 3);
-}
-
 TEST(Bsdf, SidesOfLeafAreSampledByTheirEnergy) {
   Case leaf{"leaf", base(0, 1), 0, 1};
   leaf.parameters.specular_weight = 0;

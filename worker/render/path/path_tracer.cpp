@@ -1,5 +1,3 @@
-#include "worker/render/path/path_tracer.h"
-
 #include <array>
 #include <cmath>
 #include <limits>
@@ -15,6 +13,7 @@
 #include "worker/media/phase.h"
 #include "worker/render/path/motion_vectors.h"
 #include "worker/render/path/path_media.h"
+#include "worker/render/path/single_path.h"
 #include "worker/render/spots/light_spots.h"
 #include "worker/render/spots/specular_segments.h"
 #include "worker/sampling/dimensions.h"
@@ -66,24 +65,18 @@ struct NoMedia {
 template <bool kMedia>
 class PathTracer : PathMedia<PathTracer<kMedia>> {
  public:
-  PathTracer(const FrameContext& frame, Sampler sampler, PathScratch* scratch)
+  PathTracer(const FrameContext& frame, const PathStart& start, PathScratch* scratch)
       : frame_(frame),
-        sampler_(sampler),
+        sampler_(start.sampler),
         scratch_(scratch),
         max_depth_(frame.max_depth),
+        spots_(start.spots),
+        offset_(start.offset),
+        second_(start.second),
         media_(sampler_) {}
 
   /// `first`: hit of the camera ray, if known; instance UINT32_MAX for a miss.
   PathResult trace(const Ray& camera_ray, const Hit* first);
-
-  /// Weighs the light that delta lobes alone show to the camera, because a second path looks for it
-  /// too. `offset`: of the camera ray from the pixel's centre.
-  void share(const LightSpots::Pixel& spots, const Vec2f& offset) {
-    spots_ = spots;
-    offset_ = offset;
-  }
-  /// Makes this the second path, which finds light by the given lobes and nothing else.
-  void follow_lobes(const LightSpots::Pixel::Second& second) { second_ = second; }
 
  private:
   friend class PathMedia<PathTracer>;
@@ -126,7 +119,7 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
   std::int32_t max_depth_;           // of the image, or of a path that is continued for the report
   std::optional<PathResult> image_;  // result for the image before the path was continued
   Path path_;
-  LightSpots::Pixel spots_;  // share()
+  LightSpots::Pixel spots_;  // PathStart; empty for a path that is continued for the report
   Vec2f offset_;
   std::optional<LightSpots::Pixel::Second> second_;
   GuideLobe lobe_;  // at the surface where the path is
@@ -561,106 +554,10 @@ bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, co
 
 }  // namespace
 
-namespace {
-
-/// Makes t_max negative for paths without a camera ray, so that they hit nothing.
-template <bool kMoves>
-Ray camera_ray(const FrameContext& frame, const PathId& id, const Sampler& sampler,
-               const Vec2f& offset) {
-  Vec2f lens;
-  if (frame.camera.takes_lens()) [[unlikely]]
-    lens = sampler.get_2d(dimensions::kLens);
-  CameraRay camera{{}, {0, 0, 1}, -1};
-  Ray ray;
-  if constexpr (kMoves) ray.time = sampler.get_4d(dimensions::kFilter).z;
-  const double x = id.x + 0.5 + static_cast<double>(offset.x);
-  const double y = id.y + 0.5 + static_cast<double>(offset.y);
-  if (kMoves && frame.camera.moves()) {
-    frame.camera.at(ray.time).ray(x, y, lens, &camera);
-  } else {
-    frame.camera.ray(x, y, lens, &camera);
-  }
-  ray.origin = camera.origin;
-  ray.direction = camera.direction;
-  ray.t_max = camera.t_max;
-  return ray;
-}
-
-/// Creates the samplers and camera rays of the paths. `kMoves` is frame.moves. Not inlined, so that
-/// static frames do not carry the constants of moving ones.
-template <bool kMoves>
-__attribute__((noinline)) void begin_paths(const FrameContext& frame, std::span<const PathId> ids,
-                                           std::span<Sampler> samplers, std::span<Ray> rays) {
-  for (std::size_t i = 0; i < ids.size(); ++i) {
-    const PathId& id = ids[i];
-    samplers[i] = Sampler(frame.seed, frame.frame, id.x, id.y, id.sample);
-    const Vec2f offset = frame.filter.sample(samplers[i].get_2d(dimensions::kFilter));
-    rays[i] = camera_ray<kMoves>(frame, id, samplers[i], offset);
-  }
-}
-
-/// Traces a path, and a second one that looks for the lights in the spots around its pixel.
-template <bool kMedia>
-PathResult trace_sample(const FrameContext& frame, const PathId& id, const Sampler& sampler,
-                        const Ray& ray, const Hit* first, PathScratch* scratch) {
-  PathTracer<kMedia> tracer(frame, sampler, scratch);
-  if (frame.spots == nullptr) return tracer.trace(ray, first);
-  const LightSpots::Pixel spots = frame.spots->at(id.x, id.y);
-  if (spots.empty()) return tracer.trace(ray, first);
-  tracer.share(spots, frame.filter.sample(sampler.get_2d(dimensions::kFilter)));
-  PathResult result = tracer.trace(ray, first);
-  // The random numbers of a pixel outside the image, which no other path has.
-  const Sampler other(frame.seed, frame.frame, ~id.x, id.y, id.sample);
-  const Vec4f u = other.get_4d(dimensions::kFilter);
-  const LightSpots::Pixel::Second second = spots.sample(u.z, {u.x, u.y});
-  if (!(second.weight > 0)) return result;
-  const Ray second_ray = camera_ray<false>(frame, id, other, second.offset);
-  if (second_ray.t_max < 0) return result;
-  if (PathObserver* observer = scratch->observer) [[unlikely]]
-    observer->on_second_path(second.offset);
-  PathTracer<kMedia> looking(frame, other, scratch);
-  looking.follow_lobes(second);
-  const PathResult found = looking.trace(second_ray, nullptr);
-  result.radiance += found.radiance;
-  result.limit_count += found.limit_count;
-  return result;
-}
-
-/// Returns whether every surface blocks camera rays.
-bool takes_packets(const FrameContext& frame) {
-  const unsigned traits = kTraitAlpha | (frame.cull_backfaces ? kTraitOneSided : 0u);
-  return (frame.shading.traits & traits) == 0 && frame.accel.takes_packets();
-}
-
-}  // namespace
-
-void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScratch* scratch,
-                 PathResult* results) {
-  std::array<Sampler, kPacketSize> samplers;
-  std::array<Ray, kPacketSize> rays;
-  frame.moves ? begin_paths<true>(frame, ids, samplers, rays)
-              : begin_paths<false>(frame, ids, samplers, rays);
-  std::array<Hit, kPacketSize> hits;  // invalid triangle on a miss
-  const bool known = takes_packets(frame);
-  if (frame.shading.tracks_bodies && scratch->crossings == nullptr) {
-    scratch->crossings = std::make_unique<Crossings>();
-  }
-  if (known) frame.accel.closest_hits(std::span(rays).first(ids.size()), hits.data());
-  const bool counted = (frame.aovs & contract::kAovTraversalCost) != 0;
-  for (std::size_t i = 0; i < ids.size(); ++i) {
-    if (rays[i].t_max < 0) [[unlikely]] {
-      results[i] = {};
-      continue;
-    }
-    const Hit* first = known ? &hits[i] : nullptr;
-    const contract::TraversalCounts before =
-        counted ? thread_traversal_counts() : contract::TraversalCounts{};
-    results[i] = frame.shading.tracks_bodies
-                     ? trace_sample<true>(frame, ids[i], samplers[i], rays[i], first, scratch)
-                     : trace_sample<false>(frame, ids[i], samplers[i], rays[i], first, scratch);
-    if (counted) [[unlikely]]
-      results[i].cost = thread_traversal_counts() - before;
-  }
+PathResult trace_path(const FrameContext& frame, const PathStart& start, PathScratch* scratch) {
+  if (frame.shading.tracks_bodies) [[unlikely]]
+    return PathTracer<true>(frame, start, scratch).trace(start.ray, start.first);
+  return PathTracer<false>(frame, start, scratch).trace(start.ray, start.first);
 }
 
 }  // namespace tessera::render

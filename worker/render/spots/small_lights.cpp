@@ -19,11 +19,15 @@ constexpr std::size_t kMaxLights = 64;
 /// Sums over the triangles of a light.
 struct Component {
   double area = 0, power = 0;  // square metres; radiance times area
+  Vec3d origin;                // a point of the light, to which moments are relative
   Vec3d moment;                // area times position
   std::array<Vec3d, 3> second{};
   Box3d box;
 
-  void add(const std::array<Vec3d, 3>& corners, double radiance) {
+  void add(std::array<Vec3d, 3> corners, double radiance) {
+    if (box.empty()) origin = corners[0];
+    for (const Vec3d& v : corners) box.extend(v);
+    for (Vec3d& v : corners) v = v - origin;
     const Vec3d centre = (corners[0] + corners[1] + corners[2]) / 3.0;
     const double part = length(cross(corners[1] - corners[0], corners[2] - corners[0])) / 2;
     area += part;
@@ -35,17 +39,17 @@ struct Component {
       for (const Vec3d& v : corners) row += v * v[k];
       second[static_cast<std::size_t>(k)] += row * (part / 12);
     }
-    for (const Vec3d& v : corners) box.extend(v);
   }
 
   SmallLight light() const {
     SmallLight light;
-    light.centre = moment / area;
+    const Vec3d mean = moment / area;
+    light.centre = origin + mean;
     light.radiance = power / area;
     light.radius = length(box.hi - box.lo) / 2;
     for (int k = 0; k < 3; ++k) {
       const auto i = static_cast<std::size_t>(k);
-      light.covariance[i] = second[i] / area - light.centre * light.centre[k];
+      light.covariance[i] = second[i] / area - mean * mean[k];
     }
     return light;
   }

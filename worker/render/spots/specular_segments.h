@@ -54,7 +54,7 @@ class SpecularTracer {
   std::optional<SpecularSegment> follow(const Ray& camera_ray, const SpecularSegment& like);
 
  private:
-  /// What lies at the end of a segment.
+  /// The surface at the end of a segment.
   struct End;
   std::optional<End> end_of(SpecularSegment* segment);
   std::optional<SpecularSegment> next(const SpecularSegment& segment, const End& end,

@@ -309,7 +309,7 @@ bool reaches(const SpecularSegment& segment, const SmallLight& light, double alo
   return segment.emitted > 0 && beside <= 1.1 * light.radius + 1e-3 * along;
 }
 
-/// What the rays near a point of the picture say about the image of a light.
+/// The image of a light, estimated from three rays near a point of the picture.
 struct Search::View {
   SpecularSegment segment;  // of the ray through the point
   double along = 0;         // to the light

@@ -23,7 +23,7 @@ struct LightSpot {
   double area() const;  // of the ellipse, square pixels
 };
 
-/// What a search for spots needs. The camera must not move or use a lens.
+/// Scene, camera and limits of a search for spots. The camera must not move or use a lens.
 struct SpotSearch {
   const ShadingScene& shading;
   const SceneAccel& accel;

@@ -93,7 +93,7 @@ struct ExtendedLobes {
   SheenLobe sheen;
   float coat_probability = 0, sheen_probability = 0;  // of sampling them; otherwise the base
 
-  // Of the base:
+  // Parameters of the base:
   ThinFilm film;
   float anisotropy = 0;
   float alpha_t = 0;  // along the tangent (Bsdf::alpha is across it); 0: isotropic
