@@ -207,9 +207,8 @@ std::unique_ptr<const LightSpots> light_spots(SpotSearch search, const LightSamp
   search.height = settings.height;
   search.max_depth = settings.max_depth;
   search.margin = settings.filter_width / 2;
-  search.pixel_area = filter.area();
   auto spots = std::make_unique<LightSpots>(
-      find_spots(search, small_lights(scene, search.shading, lights), checked(parallel_for)),
+      find_spots(search, searched_lights(scene, search.shading, lights), checked(parallel_for)),
       filter, settings.width, settings.height);
   if (spots->empty()) return nullptr;
   return spots;

@@ -157,16 +157,26 @@ def stop_worker(farm, rng):
         return f"{worker.id} held {held} units and was lost" if is_lost() else None
 
 
-def stop_during_a_unit(farm, worker, renderer):
-    """Stops the renderer while it renders a unit. Returns whether it could."""
+def stop_during_a_unit(farm, worker):
+    """Stops the renderer of a worker while it renders a unit. Returns its process ID, None if it could not."""
     is_rendering = lambda: farm.unfinished_by(worker)
     while farm.wait(120, f"{worker.id} renders", is_rendering):
-        os.kill(renderer, signal.SIGSTOP)
+        renderer = worker.renderer()
+        with contextlib.suppress(ProcessLookupError):  # the agent may replace it at any time
+            if renderer is not None:
+                os.kill(renderer, signal.SIGSTOP)
         time.sleep(0.2)  # a unit that was finished just before is written to the log meanwhile
-        if is_rendering():
-            return True
-        os.kill(renderer, signal.SIGCONT)
-    return False
+        if is_rendering() and renderer is not None and renderer == worker.renderer():
+            return renderer
+        resume(renderer)
+    return None
+
+
+def resume(renderer):
+    """SIGCONT, if there is such a process."""
+    with contextlib.suppress(ProcessLookupError):
+        if renderer is not None:
+            os.kill(renderer, signal.SIGCONT)
 
 
 def hang(farm, rng):
@@ -174,15 +184,14 @@ def hang(farm, rng):
     with a_worker(farm, slot=0) as worker:
         if not worker:
             return None
-        renderer = worker.renderer()
-        if renderer is None or not stop_during_a_unit(farm, worker, renderer):
+        renderer = stop_during_a_unit(farm, worker)
+        if renderer is None:
             return None
         is_killed = lambda: re.search("timed out; killing the renderer|does not respond; killing it", worker.text())
         try:
             farm.wait(60, "the agent notices", is_killed)
         finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(renderer, signal.SIGCONT)
+            resume(renderer)
         return f"the renderer of {worker.id} was killed" if is_killed() else None
 
 

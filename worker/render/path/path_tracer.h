@@ -40,7 +40,7 @@ struct FrameContext {
   std::uint32_t aovs = 0;                 // contract::Aov bits
   bool moves = false;                     // something moves during the exposure: rays have times
   const Guide* guide = nullptr;           // directions of light for --guiding; may be null
-  const LightSpots* spots = nullptr;      // small images of lights; may be null
+  const LightSpots* spots = nullptr;      // images of lights; may be null
   const MotionVectors* motion = nullptr;  // null unless the motion layer is requested
 };
 

@@ -3,45 +3,45 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <utility>
-
-#include "worker/math/elementary.h"
 
 namespace tessera::render {
 namespace {
 
-constexpr float kPi = 3.14159274f;
-/// Two thirds of the samples are uniform in the ellipse, the others beyond it with a density that
-/// falls with the sixth power of the distance.
-constexpr float kInside = 2.0f / 3;
+/// A spot matters to a pixel if the chance that a sample of the pixel finds it is at most this.
+constexpr double kMaxChance = 0.25;
+/// Spots that fill most of a filter's support have no edge in it. Those with more than this area,
+/// in areas of the filter, do not matter there: their light is not much brighter than the picture.
+constexpr double kMost = 0.75, kMaxArea = 256;
+/// Parts of spots with less area count as none, square pixels.
+constexpr double kMinArea = 1e-7;
 /// Spots of a pixel, at most: those of the greatest weight.
 constexpr std::size_t kMaxShares = 16;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Distance from the centre, relative to the ellipse.
-float distance_for(float u) {
-  if (u < kInside) return std::sqrt(u / kInside);
-  // Beyond q the share is q^-4 / 3.
-  const float q2 = 1 / std::sqrt((1 - u) / (1 - kInside));
-  return std::sqrt(q2);
-}
-
-/// Weight of a spot for a pixel: the light that it adds, more than that where the filter is low.
-double weight(const LightSpot& spot, const PixelFilterSampler& filter, double x, double y) {
-  const float peak = filter.density({0, 0});
-  const float here =
-      filter.density({static_cast<float>(spot.x - x), static_cast<float>(spot.y - y)});
-  return double{spot.brightness} * spot.area() * double{std::max(here, peak * 1e-3f)};
+/// The interval of x in which a convex polygon has all points with low <= y <= high; empty (first >
+/// second) if there are none.
+std::pair<double, double> covered_between(std::span<const Vec2d> polygon, double low, double high) {
+  std::pair<double, double> covered{-kInfinity, kInfinity};
+  for (const double y : {low, high}) {
+    double first = kInfinity, last = -kInfinity;
+    for (std::size_t i = 0; i < polygon.size(); ++i) {
+      const Vec2d &a = polygon[i], &b = polygon[(i + 1) % polygon.size()];
+      if ((a.y < y) == (b.y < y)) continue;
+      const double x = a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x);
+      first = std::min(first, x);
+      last = std::max(last, x);
+    }
+    covered = {std::max(covered.first, first), std::min(covered.second, last)};
+  }
+  return covered;
 }
 
 }  // namespace
 
-double LightSpots::Pixel::density_of(const LightSpot& spot, const Vec2f& offset) const {
-  if (all_->is_wide(spot)) return double{all_->filter_.density(offset)};
-  const double qx = (double{offset.x} + x_ - spot.x) / spot.a;
-  const double qy = (double{offset.y} + y_ - spot.y - spot.b * qx) / spot.c;
-  const double q2 = qx * qx + qy * qy;
-  const double inside = double{kInside} / spot.area();
-  return q2 < 1 ? inside : inside / (q2 * q2 * q2);
+AroundPolygon LightSpots::Pixel::around(const Share& share) const {
+  return {std::span(all_->outlines_).subspan(share.first, share.count), share.centre, share.area};
 }
 
 LightSpots::Pixel::Density LightSpots::Pixel::density(const Vec2f& offset,
@@ -50,20 +50,13 @@ LightSpots::Pixel::Density LightSpots::Pixel::density(const Vec2f& offset,
   for (const Share& share : shares_) {
     const LightSpot& spot = all_->spots_[share.spot];
     if (spot.lobes != lobes) continue;
-    const double here = double{share.probability} * density_of(spot, offset);
+    const double density_here =
+        share.count == 0 ? double{all_->filter_.density(offset)} : around(share).density(offset);
+    const double here = double{share.probability} * density_here;
     density.sampled += here;
     density.weighed += here / double{spot.probability};
   }
   return density;
-}
-
-Vec2f LightSpots::Pixel::sample_in(const LightSpot& spot, const Vec2f& u) const {
-  if (all_->is_wide(spot)) return all_->filter_.sample(u);
-  const float q = distance_for(u.x);
-  const elementary::SinCosf angle = elementary::sincos(2 * kPi * u.y);
-  const double qx{q * angle.cos}, qy{q * angle.sin};
-  return {static_cast<float>(spot.x - x_ + spot.a * qx),
-          static_cast<float>(spot.y - y_ + spot.b * qx + spot.c * qy)};
 }
 
 float LightSpots::Pixel::weight(const Vec2f& offset, std::uint64_t lobes) const {
@@ -76,60 +69,97 @@ LightSpots::Pixel::Second LightSpots::Pixel::sample(float choice, const Vec2f& u
   const Share* share = shares_.data();
   for (; share != &shares_.back() && choice >= share->probability; ++share)
     choice -= share->probability;
-  const LightSpot& spot = all_->spots_[share->spot];
   Second second;
-  second.offset = sample_in(spot, u);
-  second.lobes = spot.lobes;
+  second.offset = share->count == 0 ? all_->filter_.sample(u) : around(*share).sample(u);
+  second.lobes = all_->spots_[share->spot].lobes;
   const double usual{all_->filter_.density(second.offset)};
-  const Density there = density(second.offset, spot.lobes);
+  const Density there = density(second.offset, second.lobes);
   if (!(there.sampled > 0)) return second;
   second.weight =
       static_cast<float>(usual * (there.weighed / (usual + there.weighed)) / there.sampled);
   return second;
 }
 
+void LightSpots::add_candidate(std::uint32_t spot, std::int32_t x, std::int32_t y,
+                               std::vector<Candidate>* found) {
+  const LightSpot& all = spots_[spot];
+  std::vector<Vec2d> outline;
+  for (const Vec2d& v : all.outline) outline.push_back({v.x - (x + 0.5), v.y - (y + 0.5)});
+  const double half = double{filter_.width()} / 2;
+  outline = part_in_square(outline, -half, half);
+  const double area = area_of(outline);
+  if (!(area > kMinArea)) return;
+  const Vec2d centre = centre_of(outline);
+  const double height{
+      filter_.density({static_cast<float>(centre.x), static_cast<float>(centre.y)})};
+  const double part = std::min(area * height, 1.0);
+  if (part * double{all.probability} > kMaxChance) return;
+  Share share{spot, 0, static_cast<std::uint32_t>(outlines_.size()), 0, {}, 0};
+  if (area > kMost * filter_.area()) {
+    if (all.area() > kMaxArea * filter_.area()) return;
+  } else {
+    share.count = static_cast<std::uint32_t>(outline.size());
+    share.centre = centre;
+    share.area = area;
+    outlines_.insert(outlines_.end(), outline.begin(), outline.end());
+  }
+  const auto pixel =
+      static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x);
+  found->push_back({pixel, share, double{all.brightness} * part});
+}
+
+void LightSpots::add_candidates(std::uint32_t spot, std::int32_t height,
+                                std::vector<Candidate>* found) {
+  Vec2d low{kInfinity, kInfinity}, high{-kInfinity, -kInfinity};
+  for (const Vec2d& v : spots_[spot].outline) {
+    low = {std::min(low.x, v.x), std::min(low.y, v.y)};
+    high = {std::max(high.x, v.x), std::max(high.y, v.y)};
+  }
+  const double half = double{filter_.width()} / 2;
+  // The pixels whose filter reaches from `low` to `high`.
+  const auto first = [&](double at, std::int32_t end) {
+    return static_cast<std::int32_t>(
+        clamp(std::ceil(at - half - 0.5), 0.0, static_cast<double>(end)));
+  };
+  const auto last = [&](double at, std::int32_t end) {
+    return static_cast<std::int32_t>(
+        clamp(std::floor(at + half - 0.5) + 1, 0.0, static_cast<double>(end)));
+  };
+  const LightSpot& all = spots_[spot];
+  const bool counts_where_covered =
+      double{all.probability} <= kMaxChance && all.area() <= kMaxArea * filter_.area();
+  for (std::int32_t y = first(low.y, height); y < last(high.y, height); ++y) {
+    const auto covered = covered_between(all.outline, y + 0.5 - half, y + 0.5 + half);
+    for (std::int32_t x = first(low.x, width_); x < last(high.x, width_); ++x) {
+      const bool is_covered = covered.first <= x + 0.5 - half && x + 0.5 + half <= covered.second;
+      if (!is_covered || counts_where_covered) add_candidate(spot, x, y, found);
+    }
+  }
+}
+
 LightSpots::LightSpots(std::vector<LightSpot> spots, const PixelFilterSampler& filter,
                        std::int32_t width, std::int32_t height)
     : filter_(filter), width_(width), spots_(std::move(spots)) {
-  const double half = double{filter.width()} / 2;
-  struct Entry {
-    std::size_t pixel;
-    std::uint32_t spot;
-    double weight;
-  };
-  std::vector<Entry> entries;
-  for (std::size_t i = 0; i < spots_.size(); ++i) {
-    const LightSpot& spot = spots_[i];
-    const double wide = half + spot.a, high = half + std::sqrt(spot.b * spot.b + spot.c * spot.c);
-    const auto first = [](double low, std::int32_t end) {
-      return static_cast<std::int32_t>(clamp(std::ceil(low - 0.5), 0.0, static_cast<double>(end)));
-    };
-    const std::int32_t left = first(spot.x - wide, width), right = first(spot.x + wide, width);
-    const std::int32_t top = first(spot.y - high, height), bottom = first(spot.y + high, height);
-    for (std::int32_t y = top; y < bottom; ++y) {
-      for (std::int32_t x = left; x < right; ++x) {
-        const auto pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                           static_cast<std::size_t>(x);
-        entries.push_back(
-            {pixel, static_cast<std::uint32_t>(i), weight(spot, filter, x + 0.5, y + 0.5)});
-      }
-    }
-  }
-  std::stable_sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
+  std::vector<Candidate> found;
+  for (std::size_t i = 0; i < spots_.size(); ++i)
+    add_candidates(static_cast<std::uint32_t>(i), height, &found);
+  std::stable_sort(found.begin(), found.end(), [](const Candidate& a, const Candidate& b) {
     return a.pixel != b.pixel ? a.pixel < b.pixel : a.weight > b.weight;
   });
   first_.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) + 1, 0);
-  for (std::size_t i = 0; i < entries.size();) {
+  for (std::size_t i = 0; i < found.size();) {
     std::size_t end = i, used = 0;
     double sum = 0;
-    for (; end < entries.size() && entries[end].pixel == entries[i].pixel; ++end) {
+    for (; end < found.size() && found[end].pixel == found[i].pixel; ++end) {
       if (used == kMaxShares) continue;
-      sum += entries[end].weight;
+      sum += found[end].weight;
       ++used;
     }
-    for (std::size_t k = i; k < i + used; ++k)
-      shares_.push_back({entries[k].spot, static_cast<float>(entries[k].weight / sum)});
-    first_[entries[i].pixel + 1] = static_cast<std::uint32_t>(used);
+    for (std::size_t k = i; k < i + used; ++k) {
+      shares_.push_back(found[k].share);
+      shares_.back().probability = static_cast<float>(found[k].weight / sum);
+    }
+    first_[found[i].pixel + 1] = static_cast<std::uint32_t>(used);
     i = end;
   }
   for (std::size_t i = 1; i < first_.size(); ++i) first_[i] += first_[i - 1];
@@ -141,15 +171,13 @@ LightSpots::Pixel LightSpots::at(std::int32_t x, std::int32_t y) const {
   Pixel result;
   result.shares_ = std::span(shares_).subspan(first_[pixel], first_[pixel + 1] - first_[pixel]);
   result.all_ = this;
-  result.x_ = x + 0.5;
-  result.y_ = y + 0.5;
   return result;
 }
 
 std::int64_t LightSpots::memory_bytes() const {
-  return static_cast<std::int64_t>(spots_.size() * sizeof(LightSpot) +
-                                   first_.size() * sizeof(std::uint32_t) +
-                                   shares_.size() * sizeof(Share));
+  return static_cast<std::int64_t>(
+      spots_.size() * sizeof(LightSpot) + first_.size() * sizeof(std::uint32_t) +
+      shares_.size() * sizeof(Share) + outlines_.size() * sizeof(Vec2d));
 }
 
 }  // namespace tessera::render

@@ -5,20 +5,24 @@
 #include <vector>
 
 #include "worker/math/vector.h"
+#include "worker/render/spots/convex_polygon.h"
 #include "worker/render/spots/spot_search.h"
 #include "worker/sampling/pixel_filter.h"
 
 namespace tessera::render {
 
-/// Small images of lights in the picture, seen directly or by mirrors and lenses. Few samples of a
-/// pixel hit them, so a second sample of each is sent to them. Any spots are correct: they only
-/// decide how the samples are distributed. Immutable.
+/// Images of lights in the picture, seen directly or by mirrors and lenses. Where few samples of a
+/// pixel hit one, because it is small or only its edge is in the pixel, a second sample of each is
+/// sent to it. Any spots are correct: they only decide how the samples are distributed. Immutable.
 class LightSpots {
  public:
-  /// A spot that matters to a pixel.
+  /// The part of a spot that is in the support of a pixel's filter, if it matters to the pixel.
   struct Share {
     std::uint32_t spot = 0;
-    float probability = 0;  // of choosing it
+    float probability = 0;               // of choosing it
+    std::uint32_t first = 0, count = 0;  // of its outline, in outlines_; none: all of the filter
+    Vec2d centre;                        // of the outline, from the pixel's centre, pixels
+    double area = 0;                     // square pixels
   };
 
   /// The spots within the filter's support around a pixel.
@@ -44,12 +48,10 @@ class LightSpots {
       double weighed = 0;  // relative to the probability that other paths have these lobes
     };
     Density density(const Vec2f& offset, std::uint64_t lobes) const;
-    double density_of(const LightSpot& spot, const Vec2f& offset) const;
-    Vec2f sample_in(const LightSpot& spot, const Vec2f& u) const;
+    AroundPolygon around(const Share& share) const;
 
     std::span<const Share> shares_;
     const LightSpots* all_ = nullptr;
-    double x_ = 0, y_ = 0;  // centre
   };
 
   /// `filter` must outlive this.
@@ -61,14 +63,22 @@ class LightSpots {
   std::int64_t memory_bytes() const;
 
  private:
-  /// Returns whether the whole pixel filter is sampled instead of the spot.
-  bool is_wide(const LightSpot& spot) const { return spot.area() > filter_.area(); }
+  /// A share before those of its pixel are chosen.
+  struct Candidate {
+    std::size_t pixel = 0;
+    Share share;
+    double weight = 0;
+  };
+  void add_candidates(std::uint32_t spot, std::int32_t height, std::vector<Candidate>* found);
+  void add_candidate(std::uint32_t spot, std::int32_t x, std::int32_t y,
+                     std::vector<Candidate>* found);
 
   const PixelFilterSampler& filter_;
   std::int32_t width_;
   std::vector<LightSpot> spots_;
   std::vector<std::uint32_t> first_;  // by pixel, row-major: its first share; and the end
   std::vector<Share> shares_;
+  std::vector<Vec2d> outlines_;  // from the pixel's centre, pixels
 };
 
 }  // namespace tessera::render

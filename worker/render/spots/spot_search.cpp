@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "worker/geometry/frame.h"
+#include "worker/math/elementary.h"
 #include "worker/render/spots/specular_segments.h"
 
 namespace tessera::render {
@@ -23,15 +24,14 @@ constexpr int kLevels = 4;
 constexpr std::size_t kDividedCells = 2048;
 /// Rays along one way that differ by more than this angle, in radians, are too far apart.
 constexpr double kMaxAngle = 0.2;
-/// Limits of what is a spot: its area, in areas of the pixel filter, and the chance that a sample
-/// of a pixel in it finds it.
-constexpr double kMaxArea = 256, kMaxChance = 0.25;
-/// Radius of a spot in standard deviations of the light's points: the corners of a square are at
-/// this distance.
-constexpr double kRadius = 2.4494897427831781;
-constexpr int kMaxSteps = 12;
-/// Newton's method ends at this squared distance from the centre, relative to the ellipse.
-constexpr double kCloseEnough = 0.01;
+/// Radius of a disk in standard deviations of its points.
+constexpr double kRadius = 2;
+/// The outline of a light without corners is a polygon around its ellipse.
+constexpr int kSides = 12;
+constexpr int kMaxSteps = 12, kCornerSteps = 4;
+/// Newton's method ends at this squared distance from the centre, relative to the ellipse, and at
+/// this distance from a corner, pixels.
+constexpr double kCloseEnough = 0.01, kCloseToCorner = 1e-4;
 /// A triangle of the grid may surround an image if linear interpolation puts it this far outside,
 /// relative to the triangle.
 constexpr double kSlack = 0.25;
@@ -59,15 +59,24 @@ struct Across {
   Vec2d at(const Vec3d& d) const { return {dot(u, d), dot(v, d)}; }
 };
 
-/// How far a ray passes the centre of a light.
-struct Miss {
-  Vec3d by;          // from the ray's closest point to the light
-  double along = 0;  // distance to that point; of a distant light a cosine
+/// What a ray shall meet: a point, or a unit direction towards a distant one.
+struct Target {
+  bool distant = false;
+  Vec3d at;
+
+  explicit Target(const SearchedLight& light) : distant(light.distant), at(light.centre) {}
+  explicit Target(const Vec3d& point) : at(point) {}
 };
 
-Miss miss_of(const Ray& ray, const SmallLight& light) {
+/// How far a ray passes a target.
+struct Miss {
+  Vec3d by;          // from the ray's closest point to the target
+  double along = 0;  // distance to that point; of a distant target a cosine
+};
+
+Miss miss_of(const Ray& ray, const Target& target) {
   const Vec3d direction(ray.direction);
-  const Vec3d to = light.distant ? light.centre : light.centre - Vec3d(ray.origin);
+  const Vec3d to = target.distant ? target.at : target.at - Vec3d(ray.origin);
   const double along = dot(to, direction);
   return {to - direction * along, along};
 }
@@ -93,7 +102,7 @@ struct Cell {
 
 class Search {
  public:
-  Search(const SpotSearch& search, std::span<const SmallLight> lights,
+  Search(const SpotSearch& search, std::span<const SearchedLight> lights,
          const ParallelFor& parallel_for)
       : search_(search), lights_(lights), parallel_for_(parallel_for) {
     step_ = std::sqrt((search.width + 2 * search.margin) * (search.height + 2 * search.margin) /
@@ -111,6 +120,8 @@ class Search {
 
   std::optional<Ray> ray(const Vec2d& at) const;
   std::shared_ptr<const Probe> probe(const Vec2d& at, SpecularTracer* tracer) const;
+  bool is_in_picture(const LightSpot& spot) const;
+  std::vector<Found> seen_directly() const;
   std::vector<Cell> first_cells() const;
   std::vector<Cell> divided(std::vector<Cell> cells) const;
   class Collection;
@@ -120,14 +131,15 @@ class Search {
                        SpecularTracer* tracer, std::vector<Found>* found) const;
   struct View;
   std::optional<View> view(const Vec2d& at, double offset, const SpecularSegment& like,
-                           const SmallLight& light, SpecularTracer* tracer) const;
-  bool is_rare(const LightSpot& spot) const;
-  std::optional<LightSpot> refine(Vec2d at, const SpecularSegment& like, const SmallLight& light,
+                           const Target& target, SpecularTracer* tracer) const;
+  Vec2d image_of(const Target& corner, Vec2d at, double offset, const View& centre,
+                 SpecularTracer* tracer) const;
+  std::optional<LightSpot> refine(Vec2d at, const SpecularSegment& like, const SearchedLight& light,
                                   SpecularTracer* tracer) const;
   SpecularTracer tracer() const { return {search_.shading, search_.accel, search_.max_depth}; }
 
   const SpotSearch& search_;
-  std::span<const SmallLight> lights_;
+  std::span<const SearchedLight> lights_;
   const ParallelFor& parallel_for_;
   double step_ = 1;  // of the grid, pixels
 };
@@ -160,11 +172,11 @@ const SpecularSegment* with_way(const std::vector<SpecularSegment>& segments, st
 /// Where in a triangle of the picture a light's centre lies by linear interpolation of how far the
 /// rays through its corners miss it; nullopt if outside.
 std::optional<Vec2d> interpolate(const std::array<const SpecularSegment*, 3>& rays,
-                                 const std::array<Vec2d, 3>& points, const SmallLight& light) {
+                                 const std::array<Vec2d, 3>& points, const SearchedLight& light) {
   const Across plane(rays[0]->ray.direction);
   std::array<Vec2d, 3> misses;
   for (std::size_t k = 0; k < 3; ++k) {
-    const Miss miss = miss_of(rays[k]->ray, light);
+    const Miss miss = miss_of(rays[k]->ray, Target(light));
     if (!(miss.along > 0)) return std::nullopt;
     misses[k] = plane.at(miss.by);
   }
@@ -201,11 +213,12 @@ float score(const std::array<std::shared_ptr<const Probe>, 4>& corners) {
 void Search::search_triangle(const std::array<const Probe*, 3>& corners, int level,
                              SpecularTracer* tracer, std::vector<Found>* found) const {
   for (const SpecularSegment& first : corners[0]->segments) {
-    if (level > 0 && first.surfaces == 0) continue;
     const SpecularSegment* second = with_way(corners[1]->segments, first.way);
     const SpecularSegment* third = with_way(corners[2]->segments, first.way);
     if (second == nullptr || third == nullptr) continue;
     for (std::size_t i = 0; i < lights_.size(); ++i) {
+      const bool is_seen_directly = first.surfaces == 0;
+      if (is_seen_directly && (level > 0 || !lights_[i].distant)) continue;
       const std::optional<Vec2d> start = interpolate(
           {&first, second, third}, {corners[0]->at, corners[1]->at, corners[2]->at}, lights_[i]);
       if (!start) continue;
@@ -281,15 +294,26 @@ std::vector<Cell> Search::divided(std::vector<Cell> cells) const {
 }
 
 /// The covariance of a light's points along two directions.
-double covariance(const SmallLight& light, const Vec3d& p, const Vec3d& q) {
+double covariance(const SearchedLight& light, const Vec3d& p, const Vec3d& q) {
   return dot(p, Vec3d{dot(light.covariance[0], q), dot(light.covariance[1], q),
                       dot(light.covariance[2], q)});
 }
 
-/// Sets the ellipse that the light's points cover in the picture. `back` maps the plane `across`
-/// the ray to the picture.
-void set_ellipse(const SmallLight& light, const Across& across, const Matrix2& back,
-                 LightSpot* spot) {
+/// The points (a q.x, b q.x + c q.y) with |q| <= 1, in pixels.
+struct Ellipse {
+  double a = 0, b = 0, c = 0;
+
+  double area() const { return kPi * a * c; }
+  /// Square of a vector's length, relative to the ellipse.
+  double square(const Vec2d& v) const {
+    const double qx = v.x / a, qy = (v.y - b * qx) / c;
+    return qx * qx + qy * qy;
+  }
+};
+
+/// The ellipse that the light's points cover in the picture. `back` maps the plane `across` the ray
+/// to the picture.
+Ellipse ellipse_of(const SearchedLight& light, const Across& across, const Matrix2& back) {
   const Vec3d x = across.u * back.xx + across.v * back.xy;
   const Vec3d y = across.u * back.yx + across.v * back.yy;
   double xx = covariance(light, x, x), yy = covariance(light, y, y);
@@ -297,29 +321,41 @@ void set_ellipse(const SmallLight& light, const Across& across, const Matrix2& b
   const double least = (xx + yy) * 1e-4;  // of a light that is seen edge-on
   xx += least;
   yy += least;
-  spot->a = kRadius * std::sqrt(xx);
-  spot->b = kRadius * xy / std::sqrt(xx);
-  spot->c = kRadius * std::sqrt(std::max(yy - xy * xy / xx, 0.0));
+  return {kRadius * std::sqrt(xx), kRadius * xy / std::sqrt(xx),
+          kRadius * std::sqrt(std::max(yy - xy * xy / xx, 0.0))};
+}
+
+/// A polygon around an ellipse.
+std::vector<Vec2d> outline_of(const Ellipse& ellipse, const Vec2d& centre) {
+  std::vector<Vec2d> outline;
+  for (int k = 0; k < kSides; ++k) {
+    const elementary::SinCosf angle = elementary::sincos(static_cast<float>(2 * kPi * k / kSides));
+    constexpr double kAround = 1.0352761804100830;  // 1 / cos(pi / 12)
+    const double x = kAround * double{angle.cos}, y = kAround * double{angle.sin};
+    outline.push_back({centre.x + ellipse.a * x, centre.y + ellipse.b * x + ellipse.c * y});
+  }
+  return convex_hull(std::move(outline));
 }
 
 /// Whether the segment ends at the light, which it meets after `along` metres.
-bool reaches(const SpecularSegment& segment, const SmallLight& light, double along) {
+bool reaches(const SpecularSegment& segment, const SearchedLight& light, double along) {
   if (light.distant) return !std::isfinite(segment.ray.t_max);
   const double beside = std::fabs(double{segment.ray.t_max} - along);
   return segment.emitted > 0 && beside <= 1.1 * light.radius + 1e-3 * along;
 }
 
-/// The image of a light, estimated from three rays near a point of the picture.
+/// The picture around the image of a target, estimated from three rays near a point.
 struct Search::View {
   SpecularSegment segment;  // of the ray through the point
-  double along = 0;         // to the light
-  Vec2d step;               // from the point to the image's centre, if the picture were linear
-  LightSpot spot;           // its ellipse
+  Across across;            // this ray
+  Matrix2 back;             // from the plane across it to the picture
+  double along = 0;         // to the target
+  Vec2d step;               // from the point to the image, if the picture were linear
 };
 
 /// Differences of rays `offset` pixels apart are the derivatives.
 std::optional<Search::View> Search::view(const Vec2d& at, double offset,
-                                         const SpecularSegment& like, const SmallLight& light,
+                                         const SpecularSegment& like, const Target& target,
                                          SpecularTracer* tracer) const {
   std::array<std::optional<SpecularSegment>, 3> rays;
   const std::array<Vec2d, 3> points = {at, {at.x + offset, at.y}, {at.x, at.y + offset}};
@@ -329,61 +365,87 @@ std::optional<Search::View> Search::view(const Vec2d& at, double offset,
     if (!rays[k]) return std::nullopt;
   }
   const Across across(rays[0]->ray.direction);
-  const Miss miss = miss_of(rays[0]->ray, light);
+  const Miss miss = miss_of(rays[0]->ray, target);
   if (!(miss.along > 0)) return std::nullopt;
   const Vec2d by = across.at(miss.by);
-  const Vec2d right = across.at(miss_of(rays[1]->ray, light).by);
-  const Vec2d down = across.at(miss_of(rays[2]->ray, light).by);
+  const Vec2d right = across.at(miss_of(rays[1]->ray, target).by);
+  const Vec2d down = across.at(miss_of(rays[2]->ray, target).by);
   const Matrix2 slope{(right.x - by.x) / offset, (down.x - by.x) / offset,
                       (right.y - by.y) / offset, (down.y - by.y) / offset};
   if (slope.determinant() == 0) return std::nullopt;
   const Matrix2 back = slope.inverse();
-  View view{*rays[0], miss.along, back.times({-by.x, -by.y}), {}};
-  set_ellipse(light, across, back, &view.spot);
-  if (!(view.spot.area() > 0) || !std::isfinite(view.spot.area())) return std::nullopt;
-  return view;
+  return View{*rays[0], across, back, miss.along, back.times({-by.x, -by.y})};
 }
 
-/// Whether so few samples find the image that it counts.
-bool Search::is_rare(const LightSpot& spot) const {
-  const double parts = spot.area() / search_.pixel_area;
-  return parts <= kMaxArea && std::min(parts, 1.0) * double{spot.probability} <= kMaxChance;
+/// The image of a corner of a light, by Newton's method from `at`, near the view of the light's
+/// centre. Where the rays take other ways, the picture counts as linear.
+Vec2d Search::image_of(const Target& corner, Vec2d at, double offset, const View& centre,
+                       SpecularTracer* tracer) const {
+  const Vec2d by = centre.across.at(miss_of(centre.segment.ray, corner).by);
+  const Vec2d linear = centre.back.times({-by.x, -by.y});
+  at = {at.x + linear.x, at.y + linear.y};
+  for (int i = 0; i < kCornerSteps; ++i) {
+    const std::optional<View> here = view(at, offset, centre.segment, corner, tracer);
+    if (!here || !(length_of(here->step) <= length_of(linear))) break;
+    at = {at.x + here->step.x, at.y + here->step.y};
+    if (length_of(here->step) < kCloseToCorner) break;
+  }
+  return at;
+}
+
+/// Whether part of the spot may be in the frame or its margin.
+bool Search::is_in_picture(const LightSpot& spot) const {
+  const auto reaches_into = [&](double Vec2d::*axis, double size) {
+    const auto [low, high] =
+        std::minmax_element(spot.outline.begin(), spot.outline.end(),
+                            [axis](const Vec2d& a, const Vec2d& b) { return a.*axis < b.*axis; });
+    return *low.*axis<size + search_.margin&& * high.*axis> - search_.margin;
+  };
+  return reaches_into(&Vec2d::x, search_.width) && reaches_into(&Vec2d::y, search_.height);
 }
 
 /// Newton's method from a start in the picture: finds the ray along the same way that meets the
 /// centre of the light.
 std::optional<LightSpot> Search::refine(Vec2d at, const SpecularSegment& like,
-                                        const SmallLight& light, SpecularTracer* tracer) const {
+                                        const SearchedLight& light, SpecularTracer* tracer) const {
   double offset = step_ / 32;
   for (int i = 0; i < kMaxSteps; ++i) {
-    const std::optional<View> here = view(at, offset, like, light, tracer);
+    const std::optional<View> here = view(at, offset, like, Target(light), tracer);
     if (!here) return std::nullopt;
-    LightSpot spot = here->spot;
-    const double qx = here->step.x / spot.a, qy = (here->step.y - spot.b * qx) / spot.c;
-    if (qx * qx + qy * qy < kCloseEnough) {
-      spot.x = at.x + here->step.x;
-      spot.y = at.y + here->step.y;
+    const Ellipse ellipse = ellipse_of(light, here->across, here->back);
+    if (!(ellipse.area() > 0) || !std::isfinite(ellipse.area())) return std::nullopt;
+    if (ellipse.square(here->step) < kCloseEnough) {
+      LightSpot spot;
       spot.lobes = here->segment.lobes;
       spot.probability = here->segment.probability;
       spot.brightness =
           here->segment.throughput *
           (light.distant ? static_cast<float>(light.radiance) : here->segment.emitted);
-      if (!std::isfinite(spot.brightness) || !is_rare(spot) ||
-          !reaches(here->segment, light, here->along))
+      if (!std::isfinite(spot.brightness) || !reaches(here->segment, light, here->along))
+        return std::nullopt;
+      std::vector<Vec2d> corners;
+      for (const Vec3d& corner : light.corners)
+        corners.push_back(image_of(Target(corner), at, offset, *here, tracer));
+      spot.outline = corners.empty()
+                         ? outline_of(ellipse, {at.x + here->step.x, at.y + here->step.y})
+                         : convex_hull(std::move(corners));
+      if (!(spot.area() > 0) || !std::isfinite(spot.area()) || !is_in_picture(spot))
         return std::nullopt;
       return spot;
     }
     const double far = length_of(here->step), most = 2 * step_;
     const double scale = far > most ? most / far : 1;
     at = {at.x + here->step.x * scale, at.y + here->step.y * scale};
-    offset = clamp(std::sqrt(spot.area()) / 4, step_ / 1024, step_ / 8);
+    offset = clamp(std::sqrt(ellipse.area()) / 4, step_ / 1024, step_ / 8);
   }
   return std::nullopt;
 }
 
+/// Whether the centres are nearer than half the radius of a disk of the same area.
 bool is_same(const LightSpot& a, const LightSpot& b) {
-  const double qx = (b.x - a.x) / a.a, qy = (b.y - a.y - a.b * qx) / a.c;
-  return qx * qx + qy * qy < 0.25;
+  const Vec2d from = centre_of(a.outline), to = centre_of(b.outline);
+  const double x = to.x - from.x, y = to.y - from.y;
+  return 4 * kPi * (x * x + y * y) < a.area();
 }
 
 /// Spots of the same light by the same way count once.
@@ -421,8 +483,24 @@ std::vector<Search::Found> Search::search_cells(const std::vector<Cell>& cells) 
   return found;
 }
 
+/// Lights in the picture themselves, also with a centre outside the frame.
+std::vector<Search::Found> Search::seen_directly() const {
+  SpecularTracer specular = tracer();
+  std::vector<Found> found;
+  for (std::size_t i = 0; i < lights_.size(); ++i) {
+    if (lights_[i].distant) continue;
+    const std::optional<FilmPoint> start = search_.camera.project(lights_[i].centre);
+    if (!start) continue;
+    const std::optional<LightSpot> spot =
+        refine({start->x, start->y}, SpecularSegment{}, lights_[i], &specular);
+    if (spot) found.push_back({{i, 0}, *spot});
+  }
+  return found;
+}
+
 std::vector<LightSpot> Search::find() const {
   Collection collection;
+  for (const Found& found : seen_directly()) collection.add(found);
   std::vector<Cell> cells = first_cells();
   for (int level = 0;; ++level) {
     for (const Found& found : search_cells(cells)) collection.add(found);
@@ -433,11 +511,7 @@ std::vector<LightSpot> Search::find() const {
 
 }  // namespace
 
-double LightSpot::area() const {
-  return kPi * a * c;
-}
-
-std::vector<LightSpot> find_spots(const SpotSearch& search, std::span<const SmallLight> lights,
+std::vector<LightSpot> find_spots(const SpotSearch& search, std::span<const SearchedLight> lights,
                                   const ParallelFor& parallel_for) {
   if (lights.empty()) return {};
   return Search(search, lights, parallel_for).find();

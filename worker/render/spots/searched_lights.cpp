@@ -1,4 +1,4 @@
-#include "worker/render/spots/small_lights.h"
+#include "worker/render/spots/searched_lights.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,12 +9,15 @@
 #include "worker/geometry/bounds.h"
 #include "worker/light/emitters/emissive_power.h"
 #include "worker/light/emitters/shape_light.h"
+#include "worker/math/elementary.h"
 #include "worker/math/transform.h"
 
 namespace tessera::render {
 namespace {
 
-constexpr std::size_t kMaxLights = 64;
+constexpr std::size_t kMaxLights = 256;
+/// Corners of a light, at most.
+constexpr std::size_t kMaxCorners = 64;
 
 /// Sums over the triangles of a light.
 struct Component {
@@ -41,8 +44,8 @@ struct Component {
     }
   }
 
-  SmallLight light() const {
-    SmallLight light;
+  SearchedLight light() const {
+    SearchedLight light;
     const Vec3d mean = moment / area;
     light.centre = origin + mean;
     light.radiance = power / area;
@@ -54,6 +57,29 @@ struct Component {
     return light;
   }
 };
+
+/// The points that are furthest out in one of kMaxCorners directions; all of them if they are few.
+std::vector<Vec3d> outermost(const std::vector<Vec3d>& points) {
+  if (points.size() <= kMaxCorners) return points;
+  std::vector<std::size_t> chosen;
+  for (std::size_t k = 0; k < kMaxCorners; ++k) {
+    // Directions on a spiral with equal steps of height and the golden angle between them.
+    const float z = 1 - (2 * static_cast<float>(k) + 1) / kMaxCorners, r = std::sqrt(1 - z * z);
+    const elementary::SinCosf turn = elementary::sincos(2.39996323f * static_cast<float>(k));
+    const Vec3d direction(Vec3f{r * turn.cos, r * turn.sin, z});
+    std::size_t furthest = 0;
+    for (std::size_t i = 1; i < points.size(); ++i) {
+      if (dot(points[i] - points[furthest], direction) > 0) furthest = i;
+    }
+    chosen.push_back(furthest);
+  }
+  std::sort(chosen.begin(), chosen.end());
+  chosen.erase(std::unique(chosen.begin(), chosen.end()), chosen.end());
+  std::vector<Vec3d> corners;
+  corners.reserve(chosen.size());
+  for (const std::size_t i : chosen) corners.push_back(points[i]);
+  return corners;
+}
 
 /// Sets of vertices that triangles connect.
 class Connections {
@@ -75,7 +101,7 @@ class Connections {
 };
 
 struct Candidate {
-  SmallLight light;
+  SearchedLight light;
   double power = 0;
 };
 
@@ -86,15 +112,25 @@ void add_triangles(const Instance& instance, const Primitive& p, EmittedRadiance
     connections.connect(t[0], t[1]);
     connections.connect(t[0], t[2]);
   }
+  const auto world = [&](std::uint32_t v) {
+    return transform_point(instance.object_to_world, Vec3d(p.positions[v]));
+  };
   std::vector<Component> components(p.positions.size());
+  std::vector<char> is_used(p.positions.size());
   for (const auto& t : p.triangles) {
-    std::array<Vec3d, 3> corners;
-    for (std::size_t k = 0; k < 3; ++k)
-      corners[k] = transform_point(instance.object_to_world, Vec3d(p.positions[t[k]]));
-    components[connections.root(t[0])].add(corners, radiance->at(p, t));
+    components[connections.root(t[0])].add({world(t[0]), world(t[1]), world(t[2])},
+                                           radiance->at(p, t));
+    for (const std::uint32_t v : t) is_used[v] = 1;
   }
-  for (const Component& c : components) {
-    if (c.area > 0 && c.power > 0) found->push_back({c.light(), c.power});
+  std::vector<std::vector<Vec3d>> vertices(p.positions.size());
+  for (std::uint32_t v = 0; v < p.positions.size(); ++v) {
+    if (is_used[v]) vertices[connections.root(v)].push_back(world(v));
+  }
+  for (std::size_t i = 0; i < components.size(); ++i) {
+    const Component& c = components[i];
+    if (!(c.area > 0 && c.power > 0)) continue;
+    found->push_back({c.light(), c.power});
+    found->back().light.corners = outermost(vertices[i]);
   }
 }
 
@@ -104,7 +140,7 @@ void add_shape(const Instance& instance, const Shape& shape, double radiance,
   if (!shape.bounded() || !(radiance > 0)) return;
   const LightBounds box =
       ShapeLight(instance.object_to_world, instance.world_to_object, shape).bounds(radiance, false);
-  SmallLight light;
+  SearchedLight light;
   light.centre = (box.box_min + box.box_max) * 0.5;
   const Vec3d half = (box.box_max - box.box_min) * 0.5;
   light.radius = length(half);
@@ -120,8 +156,8 @@ void add_shape(const Instance& instance, const Shape& shape, double radiance,
 
 }  // namespace
 
-std::vector<SmallLight> small_lights(const Scene& scene, const ShadingScene& shading,
-                                     const LightSampler& lights) {
+std::vector<SearchedLight> searched_lights(const Scene& scene, const ShadingScene& shading,
+                                           const LightSampler& lights) {
   std::vector<Candidate> found;
   EmittedRadiance radiance(scene, shading.textures);
   for (const Instance& instance : scene.instances) {
@@ -139,12 +175,12 @@ std::vector<SmallLight> small_lights(const Scene& scene, const ShadingScene& sha
   }
   std::stable_sort(found.begin(), found.end(),
                    [](const Candidate& a, const Candidate& b) { return a.power > b.power; });
-  std::vector<SmallLight> all;
+  std::vector<SearchedLight> all;
   for (std::size_t i = 0; i < std::min(found.size(), kMaxLights); ++i)
     all.push_back(found[i].light);
   if (lights.environment() != nullptr) {
     const std::optional<EnvironmentMap::Sun> sun = lights.environment()->sun();
-    if (sun) all.push_back({true, sun->towards, sun->covariance, sun->radius, sun->radiance});
+    if (sun) all.push_back({true, sun->towards, sun->covariance, {}, sun->radius, sun->radiance});
   }
   return all;
 }
