@@ -251,6 +251,24 @@ TEST(SpotSearch, OutlinesBall) {
   EXPECT_GT(spots[0].area(), 0.9 * std::numbers::pi * radius * radius);
 }
 
+// The near edge of a tilted lamp looks much longer than the far one.
+TEST(SpotSearch, OutlineHasCornersOfTiltedLamp) {
+  const Vec3f corner{-1, -0.5f, 2}, right{2, 0, 0}, up{0, 1, -4};
+  Scene scene = empty_scene();
+  add_primitive(&scene, quad(corner, right, up, add_material(&scene, lamp(10))));
+  look_at(&scene, {0, 1, 5}, {0, 0, 0});
+  const auto spots = spots_in(scene);
+  ASSERT_EQ(spots.size(), 1u);
+  const render::CameraRays camera(scene.camera, kWidth, kHeight);
+  for (const Vec3f& p : {corner, corner + right, corner + up, corner + right + up}) {
+    const auto at = camera.project(Vec3d(p));
+    double nearest = 1e9;
+    for (const Vec2d& v : spots[0].outline)
+      nearest = std::min(nearest, std::hypot(v.x - at->x, v.y - at->y));
+    EXPECT_LT(nearest, 1e-3);
+  }
+}
+
 // Of a lamp that reaches into the picture, the centre may be outside.
 TEST(SpotSearch, FindsLampWithCentreOutside) {
   Scene scene = empty_scene();
