@@ -51,8 +51,9 @@ DENOISED = {US, GUIDED, "Cycles 4.5"}
 SIMPLE = {"cornell_diffuse", "cornell_glass", "interior_window", "manylights200", "punctual"}
 SCENES_OF = {  # by words in the names of renderers; the others render every scene
     "Mitsuba": SIMPLE, "LuxCore": SIMPLE,  # what gltf_scene.py reads
-    # Where path guiding can help: light arrives indirectly.
-    "guided": {"cornell_glass", "interior_window", "window", "window_sky", "caustic", "glass_box", "quickstart"},
+    # Where path guiding can help, because light arrives indirectly, or second paths, because lights look small.
+    "guided": {"cornell_glass", "interior_window", "manylights200", "window", "window_sky", "caustic", "glass_box",
+               "glint", "quickstart"},
     "adaptive": {"cornell_glass", "interior_window"}}  # where more samples are needed than it takes at least
 
 

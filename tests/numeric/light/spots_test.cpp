@@ -170,6 +170,14 @@ TEST(LightSpots, WeightsOfBothPathsAddUp) {
   EXPECT_TRUE(spots.at(2, 8).empty());
 }
 
+// A black spot of a mirror's texture may show the centre of a lamp.
+TEST(LightSpots, DarkSpotsDoNotCount) {
+  const PixelFilterSampler filter(contract::PixelFilter::box, 1);
+  const std::vector<Vec2d> outline = {{10.6, 8.1}, {10.8, 8.1}, {10.8, 8.4}};
+  EXPECT_FALSE(LightSpots({{outline, render::kNoLobes, 1, 1}}, filter, kWidth, kHeight).empty());
+  EXPECT_TRUE(LightSpots({{outline, render::kNoLobes, 0, 1}}, filter, kWidth, kHeight).empty());
+}
+
 /// The images of lights that the search finds in a scene.
 std::vector<LightSpot> spots_in(const Scene& scene) {
   const render::ShadingScene shading(scene);

@@ -90,10 +90,11 @@ void LightSpots::add_candidate(std::uint32_t spot, std::int32_t x, std::int32_t 
   const double area = area_of(outline);
   if (!(area > kMinArea)) return;
   const Vec2d centre = centre_of(outline);
-  const double height{
+  const double density{
       filter_.density({static_cast<float>(centre.x), static_cast<float>(centre.y)})};
-  const double part = std::min(area * height, 1.0);
-  if (part * double{all.probability} > kMaxChance) return;
+  const double part = std::min(area * density, 1.0);
+  const double weight = double{all.brightness} * part;
+  if (!(weight > 0) || part * double{all.probability} > kMaxChance) return;
   Share share{spot, 0, static_cast<std::uint32_t>(outlines_.size()), 0, {}, 0};
   if (area > kMost * filter_.area()) {
     if (all.area() > kMaxArea * filter_.area()) return;
@@ -105,7 +106,7 @@ void LightSpots::add_candidate(std::uint32_t spot, std::int32_t x, std::int32_t 
   }
   const auto pixel =
       static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x);
-  found->push_back({pixel, share, double{all.brightness} * part});
+  found->push_back({pixel, share, weight});
 }
 
 void LightSpots::add_candidates(std::uint32_t spot, std::int32_t height,
