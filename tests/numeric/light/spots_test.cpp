@@ -424,17 +424,39 @@ TEST(LightSpots, SmallLampInMirrorsHasLessNoise) {
   EXPECT_GT(plain / guided, 4);
 }
 
-// A lamp covers a thousandth of each pixel along its edges.
-TEST(LightSpots, EdgesOfLampHaveLessNoise) {
+/// A lamp that covers a thousandth of each pixel along its edges.
+Scene lamp_at_pixel_edges() {
   Scene scene = empty_scene();
   add_primitive(&scene,
                 quad({-0.5f, -0.5f, 0}, {1, 0, 0}, {0, 1, 0}, add_material(&scene, lamp(1000))));
   set_constant_sky(&scene, 1);
   look_at(&scene, {0, 0, 1}, {0, 0, 0});
   scene.camera.yfov = 2 * std::atan(0.5 * kHeight / (kHeight - 2 + 0.002));
+  return scene;
+}
+
+TEST(LightSpots, EdgesOfLampHaveLessNoise) {
+  const Scene scene = lamp_at_pixel_edges();
   const double plain = noise(scene, false), guided = noise(scene, true);
   RecordProperty("gain", std::to_string(plain / guided));
   EXPECT_GT(plain / guided, 50);
+}
+
+// The lamp covers the outer half pixel of a filter that is three pixels wide, where it is low.
+TEST(LightSpots, EdgesInWideFilterCount) {
+  const PixelFilterSampler filter(contract::PixelFilter::blackman_harris, 3);
+  const std::vector<Vec2d> lamp = {{11.5, -20}, {60, -20}, {60, 50}, {11.5, 50}};
+  const LightSpots spots({{lamp, render::kNoLobes, 1000, 1}}, filter, kWidth, kHeight);
+  const LightSpots::Pixel pixel = spots.at(10, 8);
+  ASSERT_FALSE(pixel.empty());
+  int inside = 0;
+  for (int i = 0; i < 900; ++i) {
+    const Vec2f u{(static_cast<float>(i % 30) + 0.5f) / 30,
+                  (static_cast<float>(i / 30) + 0.5f) / 30};
+    inside += pixel.sample(0, u).offset.x > 1 ? 1 : 0;
+  }
+  EXPECT_GE(inside, 600);  // of the filter's own samples hardly any
+  EXPECT_TRUE(spots.at(16, 8).empty());
 }
 
 TEST(LightSpots, SunInMirrorsHasLessNoise) {

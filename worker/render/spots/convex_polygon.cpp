@@ -94,7 +94,7 @@ Vec2f AroundPolygon::sample(const Vec2f& u) const {
   for (std::size_t i = 0; i < outline_.size(); ++i) {
     const Vec2d a = between(centre_, outline_[i]);
     const Vec2d b = between(centre_, outline_[(i + 1) % outline_.size()]);
-    const double twice = cross(a, b);
+    const double twice = cross(a, between(a, b));
     if (rest < twice) {
       const double t = rest / twice;
       at = {a.x + t * (b.x - a.x), a.y + t * (b.y - a.y)};
@@ -112,8 +112,8 @@ double AroundPolygon::density(const Vec2f& point) const {
   for (std::size_t i = 0; i < outline_.size(); ++i) {
     const Vec2d a = between(centre_, outline_[i]);
     const Vec2d b = between(centre_, outline_[(i + 1) % outline_.size()]);
-    const double height = cross(a, b);
     const Vec2d edge = between(a, b);
+    const double height = cross(a, edge);  // exact also for an edge that is almost a point
     if (height > 0) q = std::max(q, cross(to, edge) / height);
   }
   const double inside = double{kInside} / area_, q2 = q * q;

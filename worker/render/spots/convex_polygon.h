@@ -7,14 +7,13 @@
 
 namespace tessera::render {
 
-// Convex polygons are lists of vertices in the order in which they go round the x axis towards the
-// y axis, so areas are positive.
+// Convex polygons are lists of vertices, ordered so that turning from +x to +y goes forward: areas
+// are positive.
 
 /// The least convex polygon around the points; fewer than three vertices if it has no area.
 std::vector<Vec2d> convex_hull(std::vector<Vec2d> points);
 
-/// The part of a convex polygon with low <= x, y <= high; fewer than three vertices if it has no
-/// area.
+/// The part of a convex polygon with low <= x, y <= high. It may have the area 0.
 std::vector<Vec2d> part_in_square(std::span<const Vec2d> polygon, double low, double high);
 
 /// 0 with fewer than three vertices.

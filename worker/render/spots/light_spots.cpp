@@ -11,8 +11,9 @@ namespace {
 
 /// A spot matters to a pixel if the chance that a sample of the pixel finds it is at most this.
 constexpr double kMaxChance = 0.25;
-/// Spots that fill most of a filter's support have no edge in it. Those with more than this area,
-/// in areas of the filter, do not matter there: their light is not much brighter than the picture.
+/// Where a spot covers more than this part of a filter, all of the filter is sampled. Spots with
+/// more than this area, in areas of the filter, do not matter there: their light is not much
+/// brighter than the picture.
 constexpr double kMost = 0.75, kMaxArea = 256;
 /// Parts of spots with less area count as none, square pixels.
 constexpr double kMinArea = 1e-7;
@@ -96,7 +97,7 @@ void LightSpots::add_candidate(std::uint32_t spot, std::int32_t x, std::int32_t 
   const double weight = double{all.brightness} * part;
   if (!(weight > 0) || part * double{all.probability} > kMaxChance) return;
   Share share{spot, 0, static_cast<std::uint32_t>(outlines_.size()), 0, {}, 0};
-  if (area > kMost * filter_.area()) {
+  if (part > kMost) {
     if (all.area() > kMaxArea * filter_.area()) return;
   } else {
     share.count = static_cast<std::uint32_t>(outline.size());
@@ -176,9 +177,11 @@ LightSpots::Pixel LightSpots::at(std::int32_t x, std::int32_t y) const {
 }
 
 std::int64_t LightSpots::memory_bytes() const {
-  return static_cast<std::int64_t>(
-      spots_.size() * sizeof(LightSpot) + first_.size() * sizeof(std::uint32_t) +
-      shares_.size() * sizeof(Share) + outlines_.size() * sizeof(Vec2d));
+  std::size_t vertices = outlines_.size();
+  for (const LightSpot& spot : spots_) vertices += spot.outline.size();
+  return static_cast<std::int64_t>(spots_.size() * sizeof(LightSpot) +
+                                   first_.size() * sizeof(std::uint32_t) +
+                                   shares_.size() * sizeof(Share) + vertices * sizeof(Vec2d));
 }
 
 }  // namespace tessera::render

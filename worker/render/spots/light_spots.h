@@ -12,8 +12,9 @@
 namespace tessera::render {
 
 /// Images of lights in the picture, seen directly or by mirrors and lenses. Where few samples of a
-/// pixel hit one, because it is small or only its edge is in the pixel, a second sample of each is
-/// sent to it. Any spots are correct: they only decide how the samples are distributed. Immutable.
+/// pixel hit one, because it is small or only its edge is in the pixel, each sample has a second
+/// path towards one of these images. Any spots are correct: they only decide how the samples are
+/// distributed. Immutable.
 class LightSpots {
  public:
   /// The part of a spot that is in the support of a pixel's filter, if it matters to the pixel.

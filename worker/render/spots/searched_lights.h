@@ -18,7 +18,7 @@ struct SearchedLight {
   std::array<Vec3d, 3> covariance{};  // of its points, square metres; of a distant light: of its
                                       // unit directions
   std::vector<Vec3d> corners;         // whose convex hull has nearly all of it; none if unknown
-  double radius = 0;                  // around `centre`, metres
+  double radius = 0;                  // around `centre`, metres; of a distant light: radians
   double radiance = 0;                // mean luminance
 };
 

@@ -32,8 +32,8 @@ struct SpotSearch {
   double margin = 0;  // around the frame, pixels
 };
 
-/// Finds images of the lights: those with a centre that camera rays in a grid surround, which is
-/// divided where rays of neighbours differ.
+/// Finds images of the lights: those that the camera sees directly, and those with a centre that
+/// camera rays in a grid surround, which is divided where rays of neighbours differ.
 std::vector<LightSpot> find_spots(const SpotSearch& search, std::span<const SearchedLight> lights,
                                   const ParallelFor& parallel_for);
 
