@@ -277,7 +277,7 @@ TEST(SpotSearch, OutlineHasCornersOfTiltedLamp) {
   }
 }
 
-// Of a lamp that reaches into the picture, the centre may be outside.
+// A lamp may reach into the picture although its centre is outside.
 TEST(SpotSearch, FindsLampWithCentreOutside) {
   Scene scene = empty_scene();
   add_primitive(&scene, quad({0.5f, -1, 0}, {40, 0, 0}, {0, 2, 0}, add_material(&scene, lamp(10))));

@@ -59,7 +59,7 @@ struct Across {
   Vec2d at(const Vec3d& d) const { return {dot(u, d), dot(v, d)}; }
 };
 
-/// What a ray shall meet: a point, or a unit direction towards a distant one.
+/// Where a ray is aimed: at a point, or in the unit direction towards a distant one.
 struct Target {
   bool distant = false;
   Vec3d at;
@@ -399,7 +399,9 @@ bool Search::is_in_picture(const LightSpot& spot) const {
     const auto [low, high] =
         std::minmax_element(spot.outline.begin(), spot.outline.end(),
                             [axis](const Vec2d& a, const Vec2d& b) { return a.*axis < b.*axis; });
-    return *low.*axis<size + search_.margin&& * high.*axis> - search_.margin;
+    const double first = (*low).*axis;
+    const double last = (*high).*axis;
+    return first < size + search_.margin && last > -search_.margin;
   };
   return reaches_into(&Vec2d::x, search_.width) && reaches_into(&Vec2d::y, search_.height);
 }
@@ -426,6 +428,10 @@ std::optional<LightSpot> Search::refine(Vec2d at, const SpecularSegment& like,
       std::vector<Vec2d> corners;
       for (const Vec3d& corner : light.corners)
         corners.push_back(image_of(Target(corner), at, offset, *here, tracer));
+      const auto is_finite = [](const Vec2d& v) {
+        return std::isfinite(v.x) && std::isfinite(v.y);
+      };
+      if (!std::all_of(corners.begin(), corners.end(), is_finite)) return std::nullopt;
       spot.outline = corners.empty()
                          ? outline_of(ellipse, {at.x + here->step.x, at.y + here->step.y})
                          : convex_hull(std::move(corners));
