@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <random>
 #include <vector>
 
@@ -72,46 +71,6 @@ TEST(DiscreteDistribution, InvalidWeightsAreHandled) {
   EXPECT_GT(odd.probability(5), 0);
   EXPECT_TRUE(DiscreteDistribution(std::vector<double>{0, 0}).empty());
   EXPECT_TRUE(DiscreteDistribution().empty());
-}
-
-std::vector<double> sky(int width, int height) {
-  std::mt19937 random(9);
-  std::vector<double> weights(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  for (double& w : weights)
-    w = random() % 4 == 0 ? 0 : std::ldexp(1.0, static_cast<int>(random() % 24));
-  return weights;
-}
-
-TEST(PiecewiseConstant2d, SamplePdfMatchesPointPdf) {
-  constexpr int kWidth = 37, kHeight = 19;
-  const std::vector<double> weights = sky(kWidth, kHeight);
-  const PiecewiseConstant2d table(weights, kWidth, kHeight);
-  std::mt19937_64 random(3);
-  for (int i = 0; i < 200'000; ++i) {
-    const double u = i % 5 == 0 ? kBelowOne : static_cast<double>(random() >> 11) * 0x1p-53;
-    const double v = i % 7 == 0 ? 0 : static_cast<double>(random() >> 11) * 0x1p-53;
-    const PiecewiseConstant2d::Sample s = table.sample(u, v);
-    ASSERT_TRUE(s.point.x >= 0 && s.point.x < 1 && s.point.y >= 0 && s.point.y < 1);
-    ASSERT_GT(s.pdf, 0);
-    ASSERT_EQ(s.pdf, table.pdf(s.point));
-  }
-}
-
-TEST(PiecewiseConstant2d, DensityIsWeightOverMean) {
-  constexpr int kWidth = 16, kHeight = 8;
-  const std::vector<double> weights = sky(kWidth, kHeight);
-  const PiecewiseConstant2d table(weights, kWidth, kHeight);
-  const double mean = std::accumulate(weights.begin(), weights.end(), 0.0) / (kWidth * kHeight);
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      const Vec2f middle = {(static_cast<float>(x) + 0.5f) / kWidth,
-                            (static_cast<float>(y) + 0.5f) / kHeight};
-      const double wanted = weights[static_cast<std::size_t>(y * kWidth + x)] / mean;
-      ASSERT_NEAR(table.pdf(middle), wanted, 1e-6 * wanted);
-    }
-  }
-  EXPECT_EQ(table.pdf({1, 0.5f}), 0);
-  EXPECT_EQ(table.pdf({0.5f, -0.1f}), 0);
 }
 
 /// Mean and variance of the placed offsets along x.
