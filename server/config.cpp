@@ -87,7 +87,7 @@ void add_options(CLI::App& app, Config& config) {
       ->check(size)
       ->capture_default_str();
   app.add_option("--job-retention-days", config.job_retention_days,
-                 "Days after which an ended job is removed with its images; 0: never")
+                 "Days of the server's running time for which ended jobs are kept; 0: for ever")
       ->check(cli::finite_range(0.0, 36'500.0))
       ->capture_default_str();
   app.add_option("--audit-fraction", config.audit_fraction,

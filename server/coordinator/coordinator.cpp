@@ -26,6 +26,7 @@ Coordinator::Coordinator(Store& store, FarmOptions options, const std::vector<st
       assets_(farm_, store, pipeline_),
       settings_(farm_, store, pipeline_),
       shares_(farm_, store, pipeline_),
+      service_time_(farm_, store, pipeline_),
       admission_(farm_, store, pipeline_, assets_),
       jobs_({farm_, store, pipeline_, finisher_, assets_}),
       queries_({farm_, store, pipeline_, finisher_, budget_, intake_.deliveries(), budgets_,
@@ -47,6 +48,7 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::open(Store& store, Far
     FarmChange change(opened->farm_);
     absl::Status loaded = opened->settings_.load(change);
     loaded.Update(opened->shares_.load(change));
+    loaded.Update(opened->service_time_.load(change));
     loaded.Update(opened->budgets_.load(change));
     if (!loaded.ok()) return loaded;
   }
@@ -70,6 +72,7 @@ void Coordinator::tick() {
   last_running_write_ = change.now();
   pipeline_.write_running(change);
   shares_.write_use(change);
+  service_time_.write(change);
 }
 
 Coordinator::MemoryUse Coordinator::memory_use() const {
@@ -87,6 +90,7 @@ void Coordinator::stop() {
     FarmChange change(farm_);
     pipeline_.write_running(change);
     shares_.write_use(change);
+    service_time_.write(change);
   }
   budget_.stop();
   pipeline_.stop();

@@ -18,6 +18,7 @@
 #include "server/settings/budgets.h"
 #include "server/settings/client_shares.h"
 #include "server/settings/farm_settings.h"
+#include "server/settings/service_time.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
 #include "server/telemetry/health.h"
@@ -92,6 +93,7 @@ class Coordinator {
   AssetCatalog assets_;
   FarmSettings settings_;
   ClientShares shares_;
+  ServiceTime service_time_;
   JobAdmission admission_;
   JobAdmin jobs_;
   FarmQueries queries_;

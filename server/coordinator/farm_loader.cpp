@@ -1,7 +1,6 @@
 #include "server/coordinator/farm_loader.h"
 
 #include <algorithm>
-#include <chrono>
 #include <functional>
 #include <memory>
 #include <string>
@@ -122,7 +121,7 @@ void FarmLoader::list_unreadable(FarmChange& change, const JobRecord& record,
   job.failure_code = fault.code();
   job.wall_seconds_before = record.wall_seconds;
   change.film(job).create_time_us = record.create_time_us;
-  change.film(job).end_time_us = record.end_time_us;  // without end_time: it is not removed by age
+  change.film(job).end_time_us = record.end_time_us;  // without end_served_us: not removed by age
 }
 
 absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
@@ -148,9 +147,8 @@ absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
   JobFilm& film = change.film(job);
   film.create_time_us = record.create_time_us;
   film.end_time_us = record.end_time_us;
-  if (record.end_time_us > 0) {
-    const std::int64_t age_us = parts_.farm.options().wall_us() - record.end_time_us;
-    film.end_time = change.now() - std::chrono::microseconds(std::max<std::int64_t>(age_us, 0));
+  if (record.end_time_us > 0) {  // after a crash, the time of service may be less than at its end
+    film.end_served_us = std::min(record.end_served_us, change.served_us());
   }
   film.wall_at_start = record.wall_seconds;
   if (!started && !is_current_contract) {

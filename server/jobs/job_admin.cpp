@@ -376,11 +376,10 @@ void JobAdmin::resume_waiting() {
 void JobAdmin::expire_jobs(FarmChange& change) {
   const FarmOptions& options = farm_.options();
   if (options.job_retention_us <= 0) return;
-  const auto retention = std::chrono::microseconds(options.job_retention_us);
   std::vector<std::string> job_ids;
   for (const auto& [key, job] : change.scheduler().jobs().all()) {
-    const std::optional<Time> ended = change.film(job).end_time;
-    if (!ended || change.now() - *ended < retention) continue;
+    const std::optional<std::int64_t> ended_us = change.film(job).end_served_us;
+    if (!ended_us || change.served_us() - *ended_us < options.job_retention_us) continue;
     job_ids.push_back(job.spec->id);
     if (job_ids.size() == kOldJobsAtOnce) break;
   }

@@ -41,7 +41,8 @@ FarmState::FarmState(const Store& store, FarmOptions options,
     : options_(std::move(options)),
       events_(store.boot_count(), options_.wall_us),
       scheduler_({store.id(), store.key(), store.boot_count()}, options_.policy, roster,
-                 options_.clock()) {
+                 options_.clock()),
+      opened_(options_.clock()) {
   for (const QuotaKind& kind : kQuotaKinds) {
     options_.metrics->quota_refusals.Add({{"quota", kind.name}});
   }
@@ -133,10 +134,10 @@ void FarmChange::note_state(const Job& job) {
   JobFilm& its_film = film(job);
   if (!has_ended(job.state)) {
     its_film.end_time_us = 0;
-    its_film.end_time.reset();
+    its_film.end_served_us.reset();
   } else if (its_film.end_time_us == 0) {
     its_film.end_time_us = state_.options_.wall_us();
-    its_film.end_time = now();
+    its_film.end_served_us = served_us();
   }
   if (job.state == JobState::done) {  // its blocks are no longer needed
     its_film.grid.reset();

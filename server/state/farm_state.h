@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -68,6 +69,8 @@ class FarmState {
   std::map<JobKey, JobFilm> films_ ABSL_GUARDED_BY(mutex_);
   JobIndex index_ ABSL_GUARDED_BY(mutex_);
   KeptResults kept_ ABSL_GUARDED_BY(mutex_);
+  const Time opened_;
+  std::int64_t served_us_before_ ABSL_GUARDED_BY(mutex_) = 0;  // by earlier servers
 };
 
 /// A locked section that reads the farm's state.
@@ -80,6 +83,13 @@ class ABSL_SCOPED_LOCKABLE FarmView {
   FarmView& operator=(const FarmView&) = delete;
 
   Time now() const { return farm_.now(); }
+  /// Time for which this server and earlier ones of its store have run, µs. Counts age, which
+  /// a jump of the wall clock does not change, even if it comes between two servers.
+  std::int64_t served_us() const ABSL_NO_THREAD_SAFETY_ANALYSIS {
+    const std::chrono::microseconds here =
+        std::chrono::duration_cast<std::chrono::microseconds>(now() - farm_.opened_);
+    return farm_.served_us_before_ + here.count();
+  }
   const Scheduler& scheduler() const ABSL_NO_THREAD_SAFETY_ANALYSIS { return farm_.scheduler_; }
   const JobIndex& index() const ABSL_NO_THREAD_SAFETY_ANALYSIS { return farm_.index_; }
   /// Returns nullptr if there is no such job.
@@ -118,6 +128,10 @@ class ABSL_SCOPED_LOCKABLE FarmChange : public FarmView {
   FarmChange& operator=(const FarmChange&) = delete;
 
   Scheduler& scheduler() ABSL_NO_THREAD_SAFETY_ANALYSIS { return state_.scheduler_; }
+  /// Adds the time for which earlier servers have run to served_us().
+  void continue_service(std::int64_t served_us) ABSL_NO_THREAD_SAFETY_ANALYSIS {
+    state_.served_us_before_ = served_us;
+  }
   using FarmView::find_job;
   Job* find_job(const std::string& job_id);
   using FarmView::film;

@@ -115,6 +115,7 @@ JobRecord JobFilm::record(const Job& job, Time now) const {
   record.failure_code = static_cast<std::int32_t>(job.failure_code);
   record.create_time_us = create_time_us;
   record.end_time_us = end_time_us;
+  record.end_served_us = end_served_us.value_or(0);
   record.wall_seconds = job.wall_seconds(now);
   record.render_contract = job.spec->render_contract;
   record.project = job.spec->project;

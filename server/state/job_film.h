@@ -43,8 +43,8 @@ struct JobFilm {
   double wall_at_start = 0;
   std::optional<double> estimated_error;
   std::int64_t create_time_us = 0, end_time_us = 0;
-  /// When it ended, by the monotonic clock: a jump of the wall clock does not age it.
-  std::optional<Time> end_time;
+  /// FarmView::served_us() at its end.
+  std::optional<std::int64_t> end_served_us;
 
   /// Returns the job's tiles, created if missing.
   const contract::TileGrid& open_grid(const Job& job);

@@ -129,6 +129,10 @@ kill_server
 server_pid=$!
 wait_until 60 "the server listens again" grep -q "$address" "$work/address"
 wait_until 60 "the worker is back" ann list
+running=$(ann submit "$scenes/lit_square.gltf" --size 256x256 --spp 256 --tile-size 16)
+ann watch "$running" >"$work/watch_flooded" 2>&1 &
+worker_pid[watch_flooded]=$!
+wait_until 60 "the job is being rendered" grep -qi "job $running is running" "$work/server.log"
 python3 - "$address" <<'PYTHON' &
 import socket, sys, time
 host, port = sys.argv[1].split(":")
@@ -144,6 +148,10 @@ worker_pid[flood]=$!
 wait_until 60 "connections are refused" grep -q "file descriptors" "$work/server.log"
 used=$(find "/proc/$server_pid/fd" -mindepth 1 | wc -l)
 [ "$used" -le 140 ] || fail "$used descriptors are in use: none are kept for files"
+gone "${worker_pid[watch_flooded]}" && fail "the job ended before the flood"
+wait_until 120 "the job has ended" gone "${worker_pid[watch_flooded]}"
+wait "${worker_pid[watch_flooded]}" || fail "the job is not done: $(tail -n 1 "$work/watch_flooded")"
+gone "${worker_pid[flood]}" && fail "the flood ended before the job"
 kill -KILL "${worker_pid[flood]}"
 image=$work/flooded.exr
 job=$(ann submit "$scenes/lit_square.gltf" --size 48x32 --spp 8 --tile-size 16)

@@ -35,6 +35,7 @@ JobRecord read_job(const SqlRow& row) {
   job.failure_code = static_cast<std::int32_t>(row.integer(12));
   job.project = row.text(13);
   job.failed_attempts = row.text(14);
+  job.end_served_us = row.integer(15);
   return job;
 }
 
@@ -54,11 +55,11 @@ absl::Status JobRows::add(JobRecord& job) {
   return journal_.write([&](Database& rows) {
     absl::Status added = rows.run(
         "INSERT INTO jobs(id, request_id, name, owner, request, state, reason, create_time_us, "
-        "end_time_us, wall_seconds, render_contract, failure_code, project, failed_attempts) "
-        "VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "end_time_us, wall_seconds, render_contract, failure_code, project, failed_attempts, "
+        "end_served_us) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         {job.id, optional_text(job.request_id), job.name, job.owner, Blob{job.request}, job.state,
          job.reason, job.create_time_us, job.end_time_us, job.wall_seconds, job.render_contract,
-         job.failure_code, job.project, job.failed_attempts});
+         job.failure_code, job.project, job.failed_attempts, job.end_served_us});
     if (absl::IsAlreadyExists(added)) {
       return absl::AlreadyExistsError(
           absl::StrCat("job ", job.id, " or its request ", job.request_id, " is already in use"));
@@ -78,11 +79,11 @@ absl::Status JobRows::update(const JobRecord& job) {
 absl::Status JobRows::update_row(Database& rows, const JobRecord& job) {
   const absl::Status updated = rows.run(
       "UPDATE jobs SET name=?, owner=?, request=?, state=?, reason=?, create_time_us=?, "
-      "end_time_us=?, wall_seconds=?, render_contract=?, failure_code=?, failed_attempts=? "
-      "WHERE id=? AND removed=0",
+      "end_time_us=?, wall_seconds=?, render_contract=?, failure_code=?, failed_attempts=?, "
+      "end_served_us=? WHERE id=? AND removed=0",
       {job.name, job.owner, Blob{job.request}, job.state, job.reason, job.create_time_us,
        job.end_time_us, job.wall_seconds, job.render_contract, job.failure_code,
-       job.failed_attempts, job.id});
+       job.failed_attempts, job.end_served_us, job.id});
   return updated.ok() && rows.changes() == 0 ? no_such_job(job.id) : updated;
 }
 
@@ -160,7 +161,8 @@ absl::StatusOr<std::vector<JobRecord>> JobRows::list() const {
   absl::Status status = journal_.read([&](Database& rows) {
     return rows.each(
         "SELECT sequence, id, request_id, name, owner, request, state, reason, create_time_us, "
-        "end_time_us, wall_seconds, render_contract, failure_code, project, failed_attempts "
+        "end_time_us, wall_seconds, render_contract, failure_code, project, failed_attempts, "
+        "end_served_us "
         "FROM jobs WHERE removed=0 ORDER BY sequence",
         {}, [&](const SqlRow& row) { jobs.push_back(read_job(row)); });
   });

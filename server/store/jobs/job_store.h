@@ -22,6 +22,7 @@ struct JobRecord {
   std::string reason;
   std::int32_t failure_code = 0;                     // absl::StatusCode of a failed job
   std::int64_t create_time_us = 0, end_time_us = 0;  // wall clock, for display only
+  std::int64_t end_served_us = 0;                    // FarmView::served_us() at its end
   double wall_seconds = 0;                           // running time, summed over restarts
   std::int32_t render_contract = 0;                  // contract::kRenderContract of its first lease
   std::string project;

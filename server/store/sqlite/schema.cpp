@@ -170,6 +170,9 @@ CREATE VIEW accounts AS
   UNION ALL SELECT hour, owner, project, 0, '', '', units, cpu_seconds FROM past_usage;
 CREATE INDEX removed_jobs ON jobs(sequence) WHERE removed=1;
 )sql",
+    R"sql(
+ALTER TABLE jobs ADD COLUMN end_served_us INTEGER NOT NULL DEFAULT 0;  -- time of service at its end
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);

@@ -26,6 +26,7 @@ inline std::string sql_to_older_schema(std::int64_t version) {
       "ALTER TABLE jobs DROP COLUMN project; ALTER TABLE jobs DROP COLUMN failed_attempts; "
       "ALTER TABLE store DROP COLUMN dropped_event;",
       "DROP VIEW accounts; DROP TABLE past_usage; DROP INDEX removed_jobs;",
+      "ALTER TABLE jobs DROP COLUMN end_served_us;",
   };
   std::string sql;
   for (std::int64_t step = schema_version() - 1; step >= version; --step) {

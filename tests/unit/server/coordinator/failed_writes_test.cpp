@@ -126,6 +126,23 @@ TEST_F(FailedWriteTest, RoundWritesOneTransaction) {
   EXPECT_EQ(store.controls().transaction_count(), before + 2);
 }
 
+TEST_F(FailedWriteTest, RowsOfRunningJobsShareTransaction) {
+  constexpr int kJobs = 30;
+  for (int i = 0; i < kJobs; ++i) create_job("job" + std::to_string(i));
+  join("w1", 6 * kJobs);
+  pump();
+  int running = 0;
+  for (const JobRecord& job : *store.jobs().list())
+    running += job.state == static_cast<std::int32_t>(JobState::running) ? 1 : 0;
+  ASSERT_EQ(running, kJobs);
+  const int before = store.controls().transaction_count();
+  now += std::chrono::seconds(21);
+  coordinator->tick();
+  pump();
+  for (const JobRecord& job : *store.jobs().list()) EXPECT_GE(job.wall_seconds, 21) << job.name;
+  EXPECT_LE(store.controls().transaction_count(), before + 2);
+}
+
 TEST_F(FailedWriteTest, QuotaCountsJobsOfSameTransaction) {
   options.client_quotas.defaults.jobs = 2;
   start();

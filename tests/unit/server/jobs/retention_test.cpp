@@ -75,6 +75,19 @@ TEST_F(RetentionTest, JumpOfWallClockRemovesNoJob) {
   EXPECT_FALSE(exists(job));
 }
 
+TEST_F(RetentionTest, JumpOfWallClockOverRestartRemovesNoJob) {
+  keep_for(kDayUs);
+  const std::string job = create_job("a");
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
+  pass(kDayUs / 2);
+  wall_us += 1000 * kDayUs;
+  start();
+  pass(kDayUs / 4);
+  EXPECT_TRUE(exists(job));
+  pass(kDayUs / 4);
+  EXPECT_FALSE(exists(job)) << "the time before the restart counts";
+}
+
 TEST_F(RetentionTest, RetriedJobIsKept) {
   keep_for(kDayUs);
   const std::string job = create_job("a");

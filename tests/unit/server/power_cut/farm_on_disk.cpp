@@ -74,7 +74,7 @@ FarmOnDisk::~FarmOnDisk() {
 
 absl::Status FarmOnDisk::start() {
   StoreOptions store_options;
-  store_options.checkpoint_pages = 54;  // after the scene is acknowledged, before the end
+  store_options.checkpoint_pages = 58;  // after the scene is acknowledged, before the end
   store_options.segment_bytes = 20'000;
   if (!uses_rows_) {
     store_options.row_block_bytes = store_options.row_image_bytes = store_options.row_asset_bytes =
