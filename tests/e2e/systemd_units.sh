@@ -18,6 +18,15 @@ grep "$work/units\|^tessera" "$work/verify.log" >"$work/faults.log" || true
 [ ! -s "$work/faults.log" ] || fail "$(cat "$work/faults.log")"
 say "systemd finds no fault"
 
+# The server accepts a directory with the mode of the unit's runtime directory.
+mkdir "$work/runtime"
+chmod "$(sed -n 's/^RuntimeDirectoryMode=//p' "$units/tessera-server.service.in")" "$work/runtime"
+tessera-server --listen "unix:$work/runtime/tessera.sock" --store "$work/store" >"$work/server.log" 2>&1 &
+server_pid=$!
+wait_until 60 "the server listens" test -S "$work/runtime/tessera.sock"
+kill_server
+say "the server listens in a runtime directory of the unit's mode"
+
 for program in server worker webhook; do
   "$TESSERA_BIN/tessera-$program" --help >"$work/help"
   options=$(grep -h '^ExecStart=' "$units"/tessera-$program*.service.in | grep -o -- '--[a-z-]*')
