@@ -15,7 +15,7 @@ class ServiceTime {
 
   /// Continues the time in the store, before any thread runs. Errors: those of the store.
   absl::Status load(FarmChange& change);
-  /// Begins to write the time. What has passed since the last time is lost in a crash.
+  /// Begins to write the time. A crash loses what has passed since it was last written.
   void write(FarmChange& change);
 
  private:

@@ -83,8 +83,8 @@ class ABSL_SCOPED_LOCKABLE FarmView {
   FarmView& operator=(const FarmView&) = delete;
 
   Time now() const { return farm_.now(); }
-  /// Time for which this server and earlier ones of its store have run, µs. Counts age, which
-  /// a jump of the wall clock does not change, even if it comes between two servers.
+  /// Time for which this server and earlier ones of its store have run, µs. Ended jobs age by it,
+  /// because no jump of the wall clock changes it, not even one between two servers.
   std::int64_t served_us() const ABSL_NO_THREAD_SAFETY_ANALYSIS {
     const std::chrono::microseconds here =
         std::chrono::duration_cast<std::chrono::microseconds>(now() - farm_.opened_);

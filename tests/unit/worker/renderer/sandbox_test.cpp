@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <linux/io_uring.h>
+#include <linux/landlock.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
@@ -92,13 +93,15 @@ TEST(Sandbox, TracingIsRefused) {
 }
 
 TEST(Sandbox, FilesOfTheUserCannotBeRead) {
+  if (::syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION) < 1)
+    GTEST_SKIP() << "this kernel has no Landlock";
   const tessera::ScratchFolder folder;
   const std::string path = folder.path() + "/tls.key";
   std::ofstream(path) << "secret";
   const auto read = [&] {
     const auto confined = enter_sandbox();
     if (!confined.ok()) return kNotConfined;
-    if (!confined->reads_are_limited) return kRefused;  // a kernel without Landlock
+    if (!confined->reads_are_limited) return kAllowed;
     const bool is_readable = ::open(path.c_str(), O_RDONLY) >= 0;
     const bool is_listed = ::open(folder.path().c_str(), O_RDONLY | O_DIRECTORY) >= 0;
     const bool is_known = ::open("/etc/passwd", O_RDONLY) >= 0;
