@@ -18,8 +18,8 @@ if [ "$#" -gt 0 ] && [ "${1#-}" = "$1" ]; then
 fi
 if [ ! -f "$scene" ] && [ -f "$source_dir/tests/scenes/$scene.gltf" ]; then
   case ${#options[@]}$scene in
-    0quickstart) options=(--size 640x480 --spp 128) ;;
-    0*) options=(--size 640x360 --spp 64) ;;
+    0quickstart) options=(--size 640x480 --spp 64 --guiding --denoise) ;;
+    0*) options=(--size 640x360 --spp 64 --denoise) ;;
   esac
   scene=$source_dir/tests/scenes/$scene.gltf
 fi
