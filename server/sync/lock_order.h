@@ -61,7 +61,7 @@ class LockOrderCheck {
 #ifdef NDEBUG
   explicit constexpr LockOrderCheck(const LockLevel& /*level*/) {}
   void note_locking() const {}
-  void note_unlocked() const {}
+  void note_unlocking() const {}
 #else
   explicit constexpr LockOrderCheck(const LockLevel& level) : level_(level) {}
   /// Call before locking.
@@ -75,8 +75,8 @@ class LockOrderCheck {
     }
     held() |= 1U << level_.number();
   }
-  /// Call after unlocking.
-  void note_unlocked() const {
+  /// Call before unlocking.
+  void note_unlocking() const {
     held() &= ~(1U << level_.number());
   }
 

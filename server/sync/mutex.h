@@ -24,8 +24,8 @@ class ABSL_LOCKABLE Mutex {
     mutex_.lock();
   }
   void unlock() ABSL_UNLOCK_FUNCTION() {
-    mutex_.unlock();
-    order_.note_unlocked();
+    order_.note_unlocking();
+    mutex_.unlock();  // the next holder may destroy this at once, as the OnDone of streams does
   }
   /// Tells clang that the caller holds this lock, where it cannot see that. Does nothing.
   void assert_held() const ABSL_ASSERT_EXCLUSIVE_LOCK() {}

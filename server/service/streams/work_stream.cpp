@@ -293,19 +293,13 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     if (context_.IsCancelled()) refusal = absl::CancelledError("the worker has left");
     std::optional<WorkerRegistry::Joined> joined;
     if (refusal.ok()) joined = coordinator_.workers().join(hello, connection_);
-    absl::Status final_status;
-    {
-      const MutexLock lock(mutex_);
-      is_being_admitted_ = false;
-      if (joined) session_ = joined->session;
-      if (!joined && !final_status_) final_status_ = refusal;
-      if (!final_status_) {
-        write_welcome(*joined, *session_key);
-        return StartRead(&request_);
-      }
-      final_status = *final_status_;
-    }
-    Finish(contract::to_rpc(final_status));  // may destroy this, and with it the lock
+    const MutexLock lock(mutex_);
+    is_being_admitted_ = false;
+    if (joined) session_ = joined->session;
+    if (!joined && !final_status_) final_status_ = refusal;
+    if (final_status_) return Finish(contract::to_rpc(*final_status_));
+    write_welcome(*joined, *session_key);
+    StartRead(&request_);
   }
 
   void write_welcome(const WorkerRegistry::Joined& joined, const std::string& session_key)

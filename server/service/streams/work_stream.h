@@ -14,7 +14,7 @@ namespace tessera::server {
 struct WorkStreamContext {
   Coordinator& coordinator;
   const Access& access;
-  WorkerAdmission& admission;
+  const WorkerAdmission& admission;
   std::chrono::milliseconds hello_timeout;  // for the first message
 };
 

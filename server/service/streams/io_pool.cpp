@@ -1,4 +1,4 @@
-#include "server/sync/io_pool.h"
+#include "server/service/streams/io_pool.h"
 
 #include <utility>
 
