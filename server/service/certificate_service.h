@@ -5,7 +5,7 @@
 
 #include "absl/base/thread_annotations.h"
 #include "server/service/access/access.h"
-#include "server/service/streams/io_pool.h"
+#include "server/sync/io_pool.h"
 #include "server/sync/mutex.h"
 #include "tessera/v1/certificate_service.grpc.pb.h"
 

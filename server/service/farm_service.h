@@ -2,7 +2,7 @@
 
 #include "server/coordinator/coordinator.h"
 #include "server/service/access/access.h"
-#include "server/service/streams/io_pool.h"
+#include "server/sync/io_pool.h"
 #include "tessera/v1/farm_service.grpc.pb.h"
 
 namespace tessera::server {

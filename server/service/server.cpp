@@ -233,7 +233,7 @@ class GrpcFarmServer final : public FarmServer {
   const std::shared_ptr<grpc::ServerCredentials> credentials_;
   const std::string certs_;
   const Access access_;
-  const WorkerAdmission admission_;
+  WorkerAdmission admission_;
   JobService jobs_;
   AssetService assets_;
   WorkerService workers_;

@@ -14,7 +14,7 @@ class WorkerService final : public v1::WorkerService::CallbackService {
  public:
   /// All must outlive the server that this is registered with. `hello_timeout`: time for a Work
   /// stream's first message.
-  WorkerService(Coordinator& coordinator, const Access& access, const WorkerAdmission& admission,
+  WorkerService(Coordinator& coordinator, const Access& access, WorkerAdmission& admission,
                 std::chrono::milliseconds hello_timeout = std::chrono::seconds(10))
       : coordinator_(coordinator),
         access_(access),
@@ -53,7 +53,7 @@ class WorkerService final : public v1::WorkerService::CallbackService {
  private:
   Coordinator& coordinator_;
   const Access& access_;
-  const WorkerAdmission& admission_;
+  WorkerAdmission& admission_;
   const std::chrono::milliseconds hello_timeout_;
 };
 

@@ -3,7 +3,7 @@
 #include "absl/status/statusor.h"
 #include "server/coordinator/coordinator.h"
 #include "server/service/access/access.h"
-#include "server/service/streams/io_pool.h"
+#include "server/sync/io_pool.h"
 #include "tessera/v1/job_service.grpc.pb.h"
 
 namespace tessera::server {

@@ -14,7 +14,7 @@ namespace tessera::server {
 struct WorkStreamContext {
   Coordinator& coordinator;
   const Access& access;
-  const WorkerAdmission& admission;
+  WorkerAdmission& admission;
   std::chrono::milliseconds hello_timeout;  // for the first message
 };
 

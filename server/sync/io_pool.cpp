@@ -1,4 +1,4 @@
-#include "server/service/streams/io_pool.h"
+#include "server/sync/io_pool.h"
 
 #include <utility>
 
