@@ -19,7 +19,6 @@
 #include "tessera/v1/renderer.pb.h"
 #include "worker/accel/layout/isa.h"
 #include "worker/accel/traversal/thread_counts.h"
-#include "worker/gltf/file/limits.h"
 #include "worker/gltf/file/memory_budget.h"
 #include "worker/ipc/message_socket.h"
 #include "worker/render/float_control.h"
@@ -36,10 +35,6 @@ std::int64_t peak_rss_bytes() {
   getrusage(RUSAGE_SELF, &usage);
   return std::int64_t{usage.ru_maxrss} * 1024;
 }
-
-/// Size limit of the only file that may be written: the texels that exceed the memory limit, each
-/// image on a page boundary.
-constexpr rlim_t kMaxFileBytes = render::kMaxAllImageBytes * 2;
 
 class Renderer {
  public:
@@ -183,14 +178,8 @@ int run_renderer(const RendererOptions& options) {
   ::prctl(PR_SET_NAME, "tessera-render");
   // A terminal, Slurm and systemd signal all processes of a job; the agent handles the signal.
   for (const int signal : {SIGTERM, SIGINT, SIGHUP}) ::signal(signal, SIG_IGN);
-  if (options.memory_bytes > 0) {
-    const auto bytes = static_cast<rlim_t>(options.memory_bytes);
-    const rlimit limit{bytes, bytes};
-    ::setrlimit(RLIMIT_DATA, &limit);  // file mappings do not count
-  }
+  limit_resources(options.memory_bytes);
   const std::uint64_t memory = render::machine_memory_bytes();  // reads files
-  const rlimit file_limit{kMaxFileBytes, kMaxFileBytes};
-  ::setrlimit(RLIMIT_FSIZE, &file_limit);
   if (const auto confined = enter_sandbox(); !confined.ok()) {
     std::fprintf(stderr, "warning: the renderer runs without a seccomp sandbox: %s\n",
                  std::string(confined.status().message()).c_str());

@@ -4,6 +4,7 @@
 #include <sched.h>
 #include <seccomp.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -134,6 +135,16 @@ absl::Status install_filter() {
 }
 
 }  // namespace
+
+void limit_resources(std::int64_t memory_bytes) {
+  if (memory_bytes > 0) {
+    const auto bytes = static_cast<rlim_t>(memory_bytes);
+    const rlimit limit{bytes, bytes};
+    ::setrlimit(RLIMIT_DATA, &limit);
+  }
+  constexpr rlimit kFileLimit{kMaxFileBytes, kMaxFileBytes};
+  ::setrlimit(RLIMIT_FSIZE, &kFileLimit);
+}
 
 absl::StatusOr<Confinement> enter_sandbox() {
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) {

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <cstdint>
+
 #include "absl/base/config.h"
 #include "absl/status/statusor.h"
+#include "worker/gltf/file/limits.h"
 
 namespace tessera::agent {
 
@@ -12,6 +15,14 @@ inline constexpr bool kHasSanitizer = true;
 #else
 inline constexpr bool kHasSanitizer = false;
 #endif
+
+/// Size limit of the only file that the renderer writes: the texels that exceed its memory, each
+/// image on a page boundary.
+inline constexpr std::int64_t kMaxFileBytes = 2 * std::int64_t{render::kMaxAllImageBytes};
+
+/// Limits the memory of this process, without mappings of files, to `memory_bytes` (0: unlimited),
+/// and every file that it writes to kMaxFileBytes.
+void limit_resources(std::int64_t memory_bytes);
 
 /// Result of enter_sandbox() besides the seccomp filter.
 struct Confinement {

@@ -92,6 +92,20 @@ TEST(Sandbox, TracingIsRefused) {
   expect_refused([] { return ::ptrace(PTRACE_ATTACH, ::getppid(), nullptr, nullptr); });
 }
 
+TEST(Sandbox, MemoryBeyondTheLimitIsRefused) {
+  constexpr std::int64_t kLimit = 256 << 20;
+  const auto allocate = [] {
+    limit_resources(kLimit);
+    if (!enter_sandbox().ok()) return kNotConfined;
+    const auto map = [](std::size_t bytes) {
+      return ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    };
+    if (map(kLimit / 2) == MAP_FAILED) return kNotConfined;
+    return map(kLimit) == MAP_FAILED && errno == ENOMEM ? kRefused : kAllowed;
+  };
+  EXPECT_EXIT(::_exit(allocate()), ::testing::ExitedWithCode(kRefused), "");
+}
+
 TEST(Sandbox, FilesOfTheUserCannotBeRead) {
   if (::syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION) < 1)
     GTEST_SKIP() << "this kernel has no Landlock";
@@ -148,6 +162,26 @@ TEST(Sandbox, OpeningFilesForWritingIsRefused) {
     const std::array<std::uint64_t, 3> how = {O_WRONLY | O_CREAT, 0600, 0};
     return ::syscall(SYS_openat2, AT_FDCWD, path.c_str(), how.data(), sizeof how);
   });
+}
+
+TEST(Sandbox, OpenFileCannotGrowBeyondItsLimit) {
+  const int file = ::memfd_create("texels", 0);
+  ASSERT_GE(file, 0);
+  const auto write = [&] {
+    ::signal(SIGXFSZ, SIG_IGN);
+    limit_resources(0);
+    if (!enter_sandbox().ok()) return kNotConfined;
+    if (::pwrite(file, "x", 1, kMaxFileBytes - 1) != 1) return kNotConfined;
+    return ::pwrite(file, "x", 1, kMaxFileBytes) < 0 && errno == EFBIG ? kRefused : kAllowed;
+  };
+  EXPECT_EXIT(::_exit(write()), ::testing::ExitedWithCode(kRefused), "");
+  EXPECT_EXIT(
+      {
+        limit_resources(0);
+        if (enter_sandbox().ok()) ::pwrite(file, "x", 1, kMaxFileBytes);
+      },
+      ::testing::KilledBySignal(SIGXFSZ), "");
+  ::close(file);
 }
 
 TEST(Sandbox, ChangingNamesIsRefused) {
