@@ -6,7 +6,9 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
+#include <cstdint>
 #include <cstdio>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -19,6 +21,7 @@
 
 #include "client/api/farm_client.h"
 #include "rpc/channel.h"
+#include "server/identity/authority.h"
 #include "tests/bench/coordinator/rpc_figures.h"
 #include "tests/bench/coordinator/scene_upload.h"
 #include "tests/bench/coordinator/worker_calls.h"
@@ -320,6 +323,18 @@ class Operator {
   int turn_ = 0;
 };
 
+/// Opens a channel with a new certificate of a worker, of which half of the validity has passed.
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_aged_channel(const Options& options) {
+  const std::string folder = options.certs + "/worker-aged";
+  const std::int64_t now_s = std::time(nullptr);
+  if (absl::Status status = tessera::server::issue(options.certs, tessera::server::Role::worker,
+                                                   "aged", folder, {now_s - 3600, now_s + 3000});
+      !status.ok()) {
+    return status;
+  }
+  return tessera::contract::open_channel(options.server, folder);
+}
+
 int run(const Options& options) {
   Figures figures, ignored;
   std::vector<std::unique_ptr<FarmClient>> clients;
@@ -357,12 +372,14 @@ int run(const Options& options) {
   });
   if (failed) return 1;
   const auto channel = tessera::contract::open_channel(options.server, options.certs + "/worker-w");
+  const auto aged = open_aged_channel(options);
   Tenant owner(options, 2000, *clients.front(), ignored);
-  const std::string begun = channel.ok() && owner.prepare() ? owner.pause_begun_job() : "";
+  const std::string begun =
+      channel.ok() && aged.ok() && owner.prepare() ? owner.pause_begun_job() : "";
   if (begun.empty()) return 1;
   const auto start = Clock::now();
   std::thread worker_thread([&] {
-    WorkerCalls worker(*channel, begun, owner.scene(), figures);
+    WorkerCalls worker({*channel, *aged}, begun, owner.scene(), figures);
     for (int k = 0; k < 10 * options.seconds; ++k) {
       std::this_thread::sleep_until(start + std::chrono::milliseconds(100 * k + 50));
       worker.call();
@@ -399,7 +416,7 @@ int run(const Options& options) {
 
 int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench may die of one
   Options options;
-  CLI::App app("A mix of calls of several tenants for tests/bench/scale.sh.");
+  CLI::App app("A mix of calls of several tenants for tests/bench/coordinator/mix.sh.");
   app.add_option("--server", options.server, "HOST:PORT")->required();
   app.add_option("--certs", options.certs, "directory with client-t0, client-t1, …, worker-w")
       ->required();

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/status/status.h"
+#include "rpc/certificates/certificate_files.h"
 #include "rpc/channel.h"
 #include "rpc/rpc_status.h"
 
@@ -14,19 +15,27 @@ constexpr std::chrono::seconds kTimeout{20};
 
 }  // namespace
 
-WorkerCalls::WorkerCalls(const std::shared_ptr<grpc::Channel>& channel, std::string job_id,
-                         v1::AssetId scene, Figures& figures)
-    : workers_(v1::WorkerService::NewStub(channel)),
-      assets_(v1::AssetService::NewStub(channel)),
+WorkerCalls::WorkerCalls(const Channels& channels, std::string job_id, v1::AssetId scene,
+                         Figures& figures)
+    : workers_(v1::WorkerService::NewStub(channels.worker)),
+      assets_(v1::AssetService::NewStub(channels.worker)),
+      certificates_(v1::CertificateService::NewStub(channels.aged)),
       job_id_(std::move(job_id)),
       scene_(std::move(scene)),
       figures_(figures) {}
 
 void WorkerCalls::call() {
-  if (turn_++ % 2 == 0) {
-    timed(figures_, "DescribeJob", [&] { return describe_job(); });
-  } else {
-    timed(figures_, "DownloadAsset", [&] { return download_asset(); });
+  switch (turn_++ % 3) {
+    case 0:
+      timed(figures_, "DescribeJob", [&] { return describe_job(); });
+      return;
+    case 1:
+      timed(figures_, "DownloadAsset", [&] { return download_asset(); });
+      return;
+    default:
+      if (const auto key = contract::make_key(); key.ok()) {
+        timed(figures_, "RenewCertificate", [&] { return renew(key->signing_request); });
+      }
   }
 }
 
@@ -49,6 +58,15 @@ absl::Status WorkerCalls::download_asset() {
   while (stream->Read(&response)) {
   }
   return contract::from_rpc(stream->Finish());
+}
+
+absl::Status WorkerCalls::renew(const std::string& signing_request) {
+  grpc::ClientContext context;
+  contract::prepare_call(context, "", kTimeout);
+  v1::RenewCertificateRequest request;
+  request.set_signing_request(signing_request);
+  v1::RenewCertificateResponse response;
+  return contract::from_rpc(certificates_->RenewCertificate(&context, request, &response));
 }
 
 }  // namespace tessera::bench
