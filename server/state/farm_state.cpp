@@ -22,6 +22,7 @@ EventKind event_kind(const Job& job) {
     case JobState::cancelled:
       return EventKind::job_cancelled;
     case JobState::queued:
+      return EventKind::job_queued;
     case JobState::running:
       break;
   }
@@ -126,7 +127,7 @@ void FarmChange::settle() {
 
 /// Notes a job's new state: event, log, time of its end.
 void FarmChange::note_state(const Job& job) {
-  if (job.state != JobState::queued) note(event_kind(job), job, "", job.reason);
+  note(event_kind(job), job, "", job.reason);
   log(job.state == JobState::failed || job.is_paused_by_failures() ? LogLevel::warn
                                                                    : LogLevel::info,
       absl::StrCat("job ", job.spec->id, " is ", state_name(job.state),

@@ -15,6 +15,21 @@ auto newer_than(const std::deque<Event>& events, std::int64_t sequence) {
                           [](std::int64_t s, const Event& event) { return s < event.sequence; });
 }
 
+/// Whether an event of this kind changes the state or the settings of its job.
+bool changes_job(EventKind kind) {
+  return (kind >= EventKind::job_submitted && kind <= EventKind::job_removed) ||
+         kind == EventKind::job_changed || kind == EventKind::job_paused_by_failures ||
+         kind == EventKind::job_queued;
+}
+
+std::vector<std::string> changed_jobs(const std::vector<Event>& events) {
+  std::vector<std::string> jobs;
+  for (const Event& event : events) {
+    if (changes_job(event.kind)) jobs.push_back(event.job_id);
+  }
+  return jobs;
+}
+
 }  // namespace
 
 std::string cut_text(std::string text, std::size_t max_bytes) {
@@ -90,13 +105,22 @@ std::vector<Event> EventLog::number(std::vector<Event> events) {
 
 void EventLog::publish(std::vector<Event> events) {
   if (events.empty()) return;
+  const std::vector<std::string> jobs = changed_jobs(events);
   keep(std::move(events));
-  std::set<std::shared_ptr<EventReader>> readers;
-  {
-    const MutexLock lock(mutex_);
-    std::swap(readers, waiting_);
+  for (const auto& reader : take_readers(jobs)) reader->wake();
+}
+
+EventLog::Readers EventLog::take_readers(const std::vector<std::string>& jobs) {
+  const MutexLock lock(mutex_);
+  Readers readers;
+  std::swap(readers, waiting_);
+  for (const std::string& job_id : jobs) {
+    const auto waiting = job_readers_.find(job_id);
+    if (waiting == job_readers_.end()) continue;
+    readers.merge(waiting->second);
+    job_readers_.erase(waiting);
   }
-  for (const auto& reader : readers) reader->wake();
+  return readers;
 }
 
 void EventLog::keep(std::vector<Event> events) {
@@ -143,6 +167,27 @@ bool EventLog::wake_after(std::int64_t seen, const std::shared_ptr<EventReader>&
 void EventLog::forget_reader(const std::shared_ptr<EventReader>& reader) const {
   const MutexLock lock(mutex_);
   waiting_.erase(reader);
+}
+
+bool EventLog::wake_after_change(std::int64_t seen, const std::string& job_id,
+                                 const std::shared_ptr<EventReader>& reader) const {
+  const MutexLock lock(mutex_);
+  if (seen < complete_after_) return false;  // the change may no longer be in memory
+  const auto newer = newer_than(events_, seen);
+  const bool is_changed = std::any_of(newer, events_.end(), [&job_id](const Event& event) {
+    return event.job_id == job_id && changes_job(event.kind);
+  });
+  if (!is_changed) job_readers_[job_id].insert(reader);
+  return !is_changed;
+}
+
+void EventLog::forget_reader(const std::string& job_id,
+                             const std::shared_ptr<EventReader>& reader) const {
+  const MutexLock lock(mutex_);
+  const auto waiting = job_readers_.find(job_id);
+  if (waiting == job_readers_.end()) return;
+  waiting->second.erase(reader);
+  if (waiting->second.empty()) job_readers_.erase(waiting);
 }
 
 std::int64_t EventLog::newest() const {

@@ -78,12 +78,20 @@ class EventLog {
   /// is already. A reader waits once; forget_reader() ends it.
   bool wake_after(std::int64_t seen, const std::shared_ptr<EventReader>& reader) const;
   void forget_reader(const std::shared_ptr<EventReader>& reader) const;
+  /// The same for changes of a job's state or settings only.
+  bool wake_after_change(std::int64_t seen, const std::string& job_id,
+                         const std::shared_ptr<EventReader>& reader) const;
+  void forget_reader(const std::string& job_id, const std::shared_ptr<EventReader>& reader) const;
   /// Sequence of the newest event, even if it is no longer kept.
   std::int64_t newest() const;
   /// Sequence after which all events are in memory.
   std::int64_t complete_after() const;
 
  private:
+  using Readers = std::set<std::shared_ptr<EventReader>>;
+
+  /// Ends and returns the waits for any event, and for changes of these jobs.
+  Readers take_readers(const std::vector<std::string>& jobs) ABSL_LOCKS_EXCLUDED(mutex_);
   void keep(std::vector<Event> events) ABSL_LOCKS_EXCLUDED(mutex_);
   void keep_line(Event line) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
@@ -98,7 +106,8 @@ class EventLog {
   std::deque<Event> events_ ABSL_GUARDED_BY(mutex_);
   std::map<std::string, std::deque<Event>> lines_ ABSL_GUARDED_BY(mutex_);  // by job
   std::size_t line_count_ ABSL_GUARDED_BY(mutex_) = 0;
-  mutable std::set<std::shared_ptr<EventReader>> waiting_ ABSL_GUARDED_BY(mutex_);
+  mutable Readers waiting_ ABSL_GUARDED_BY(mutex_);
+  mutable std::map<std::string, Readers> job_readers_ ABSL_GUARDED_BY(mutex_);  // by job
 };
 
 }  // namespace tessera::server

@@ -10,7 +10,7 @@
 #include "server/service/messages/messages.h"
 #include "server/service/quotas/refusal.h"
 #include "server/service/streams/polling_stream.h"
-#include "server/service/streams/stream_link.h"
+#include "server/service/streams/stream_reader.h"
 #include "server/sync/mutex.h"
 
 namespace tessera::server {
@@ -18,22 +18,7 @@ namespace {
 
 /// Pause after a message, so that the events of a busy farm are sent many at a time.
 constexpr std::chrono::milliseconds kPause{100};
-/// Time after which a stream without events checks whether its caller is still allowed.
-constexpr std::chrono::milliseconds kRecheck{1000};
 constexpr std::size_t kEventsPerMessage = 256;
-
-class EventStream;
-
-/// Wakes the stream until that is done.
-class StreamReader final : public EventReader {
- public:
-  explicit StreamReader(EventStream& stream) : link_(stream) {}
-  void wake() override;
-  void detach() { link_.detach(); }
-
- private:
-  StreamLink<EventStream> link_;
-};
 
 /// Sends new events when there are some. Those that are no longer in memory are read from the
 /// store, on a thread for files.
@@ -62,11 +47,6 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
     const bool has_more = response_.events_size() == static_cast<int>(kEventsPerMessage);
     if (!ok || !follow_ || has_more) return poll_unless_cancelled(ok);
     wait(kPause);
-  }
-
-  void wake() {
-    const MutexLock lock(mutex_);
-    poll_now();
   }
 
  private:
@@ -134,12 +114,9 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
   const bool follow_;
   EventQuery query_ ABSL_GUARDED_BY(mutex_);
   v1::WatchEventsResponse response_ ABSL_GUARDED_BY(mutex_);
-  const std::shared_ptr<StreamReader> reader_ = std::make_shared<StreamReader>(*this);
+  const std::shared_ptr<StreamReader<EventStream>> reader_ =
+      std::make_shared<StreamReader<EventStream>>(*this);
 };
-
-void StreamReader::wake() {
-  link_.with([](EventStream& stream) { stream.wake(); });
-}
 
 }  // namespace
 

@@ -30,7 +30,16 @@ class PollingStream : public grpc::ServerWriteReactor<Response> {
     delete this;
   }
 
+  /// Polls soon if the stream waits, on a thread of gRPC.
+  void wake() {
+    const MutexLock lock(mutex_);
+    alarm_.Cancel();
+  }
+
  protected:
+  /// Time after which a stream without news checks whether its caller is still allowed.
+  static constexpr std::chrono::milliseconds kRecheck{1000};
+
   /// Starts a write, calls wait() or calls finish().
   virtual void poll() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
 
@@ -53,9 +62,6 @@ class PollingStream : public grpc::ServerWriteReactor<Response> {
       poll_unless_cancelled(true);
     });
   }
-
-  /// Polls soon if the stream waits, on a thread of gRPC.
-  void poll_now() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { alarm_.Cancel(); }
 
   void finish(const absl::Status& status) { this->Finish(contract::to_rpc(status)); }
 

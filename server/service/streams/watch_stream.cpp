@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -9,6 +11,7 @@
 #include "server/service/messages/job_messages.h"
 #include "server/service/quotas/refusal.h"
 #include "server/service/streams/polling_stream.h"
+#include "server/service/streams/stream_reader.h"
 #include "server/sync/mutex.h"
 
 namespace tessera::server {
@@ -17,10 +20,8 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr milliseconds kDefaultInterval{500}, kMinInterval{100}, kMaxInterval{60'000};
-/// Progress is sent less often. Short jobs are polled more often, so that waiting for a poll adds
-/// at most an eighth to their time.
-constexpr milliseconds kMinPoll{4}, kMaxPoll{50};
-constexpr int kShareOfTime = 8;
+/// Polls per interval of a job without progress.
+constexpr int kPollsPerInterval = 4;
 
 milliseconds watch_interval(const v1::WatchJobRequest& request) {
   if (!request.has_interval()) return kDefaultInterval;
@@ -30,7 +31,7 @@ milliseconds watch_interval(const v1::WatchJobRequest& request) {
   return std::clamp(milliseconds(wanted), kMinInterval, kMaxInterval);
 }
 
-/// Polls the job with a timer and sends changes.
+/// Sends the job's states as soon as they change, and its progress at intervals.
 class WatchStream final : public PollingStream<v1::WatchJobResponse> {
  public:
   WatchStream(Coordinator& coordinator, const Access& access, const v1::WatchJobRequest& request,
@@ -56,8 +57,14 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
   }
 
  private:
+  void detach() override {
+    reader_->detach();
+    coordinator_.farm().events().forget_reader(job_id_, reader_);
+  }
+
   void poll() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
+    seen_ = coordinator_.farm().events().newest();
     const auto view = coordinator_.queries().job(job_id_);
     if (!view.ok()) return finish(view.status());
     const auto now = std::chrono::steady_clock::now();
@@ -76,10 +83,14 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
     StartWrite(&response_);
   }
 
+  /// Waits until the state changes or progress is due.
   void wait_for_change() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    const auto watched =
-        std::chrono::duration_cast<milliseconds>(std::chrono::steady_clock::now() - start_);
-    wait(std::clamp(watched / kShareOfTime, kMinPoll, kMaxPoll));
+    if (!coordinator_.farm().events().wake_after_change(seen_, job_id_, reader_)) {
+      return wait(milliseconds(0));  // it has changed since poll()
+    }
+    const auto until_due = std::chrono::duration_cast<milliseconds>(
+        sent_at_ + interval_ - std::chrono::steady_clock::now());
+    wait(std::min(std::max(until_due, interval_ / kPollsPerInterval), kRecheck));
   }
 
   Coordinator& coordinator_;
@@ -87,11 +98,13 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
   const Caller caller_;
   const std::string job_id_;
   const milliseconds interval_;
-  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  std::int64_t seen_ ABSL_GUARDED_BY(mutex_) = 0;  // newest event before the last poll
   bool has_ended_ ABSL_GUARDED_BY(mutex_) = false;
   std::optional<JobView> sent_ ABSL_GUARDED_BY(mutex_);
   std::chrono::steady_clock::time_point sent_at_ ABSL_GUARDED_BY(mutex_);
   v1::WatchJobResponse response_ ABSL_GUARDED_BY(mutex_);
+  const std::shared_ptr<StreamReader<WatchStream>> reader_ =
+      std::make_shared<StreamReader<WatchStream>>(*this);
 };
 
 }  // namespace

@@ -34,6 +34,7 @@ enum class EventKind : std::int32_t {
   worker_brought_back,
   budget_warning,
   budget_used_up,
+  job_queued,
 };
 
 struct Event {

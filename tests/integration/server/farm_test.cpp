@@ -313,32 +313,6 @@ TEST_F(FarmTest, JobWithMissingAssetIsRefused) {
   EXPECT_NE(status.error_message().find("scene.gltf"), std::string::npos);
 }
 
-TEST_F(FarmTest, WatchingUnknownJobIsNotFound) {
-  grpc::ClientContext context;
-  prepare(context);
-  v1::WatchJobRequest request;
-  request.set_job_id("nothing");
-  auto stream = jobs_->WatchJob(&context, request);
-  v1::WatchJobResponse response;
-  EXPECT_FALSE(stream->Read(&response));
-  EXPECT_EQ(stream->Finish().error_code(), grpc::StatusCode::NOT_FOUND);
-}
-
-TEST_F(FarmTest, WatchReportsCancellation) {
-  const std::string job = create_job("a");
-  std::thread canceller([&] {
-    grpc::ClientContext context;
-    prepare(context);
-    v1::CancelJobRequest request;
-    request.set_job_id(job);
-    v1::CancelJobResponse response;
-    EXPECT_TRUE(jobs_->CancelJob(&context, request, &response).ok());
-    EXPECT_EQ(response.job().state(), v1::Job::STATE_CANCELLED);
-  });
-  EXPECT_EQ(watch(job).back().state(), v1::Job::STATE_CANCELLED);
-  canceller.join();
-}
-
 // Workers -----------------------------------------------------------------------------------------
 
 TEST_F(FarmTest, WorkerWithOtherNumericsIsRefused) {

@@ -67,6 +67,44 @@ TEST(EventLog, ForgottenReaderIsNotWoken) {
   EXPECT_EQ(reader.use_count(), 1) << "the log does not keep it";
 }
 
+TEST(EventLog, WatcherIsWokenByChangesOfItsJobOnly) {
+  EventLog log(1, no_time);
+  const auto reader = std::make_shared<CountingReader>();
+  EXPECT_TRUE(log.wake_after_change(log.newest(), "a", reader));
+  add(log, event_of(EventKind::job_done, "b"));
+  add(log, event_of(EventKind::frame_finished, "a"));
+  add(log, event_of(EventKind::log_line, "a"));
+  EXPECT_EQ(reader->wake_count, 0);
+  add(log, event_of(EventKind::job_done, "a"));
+  add(log, event_of(EventKind::job_removed, "a"));
+  EXPECT_EQ(reader->wake_count, 1) << "a reader waits once";
+}
+
+TEST(EventLog, WatcherThatIsBehindNeedNotWait) {
+  EventLog log(1, no_time);
+  const auto reader = std::make_shared<CountingReader>();
+  const std::int64_t seen = log.newest();
+  add(log, event_of(EventKind::job_paused, "b"));
+  EXPECT_TRUE(log.wake_after_change(seen, "a", reader));
+  add(log, event_of(EventKind::job_paused, "a"));
+  EXPECT_FALSE(log.wake_after_change(seen, "a", reader));
+  for (std::size_t i = 0; i < EventLog::kMaxEvents; ++i) {
+    add(log, event_of(EventKind::job_paused, "b"));
+  }
+  EXPECT_FALSE(log.wake_after_change(seen, "a", reader)) << "the change is no longer in memory";
+}
+
+TEST(EventLog, ForgottenWatcherIsNotWoken) {
+  EventLog log(1, no_time);
+  const auto reader = std::make_shared<CountingReader>();
+  EXPECT_TRUE(log.wake_after_change(log.newest(), "a", reader));
+  log.forget_reader("a", reader);
+  log.forget_reader("b", reader);
+  add(log, event_of(EventKind::job_done, "a"));
+  EXPECT_EQ(reader->wake_count, 0);
+  EXPECT_EQ(reader.use_count(), 1) << "the log does not keep it";
+}
+
 TEST(EventLog, ReadsFromSequenceInPages) {
   EventLog log(1, no_time);
   for (const char* text : {"a", "b", "c", "d"}) add(log, event_of(EventKind::job_done, "j", text));
