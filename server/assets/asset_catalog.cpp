@@ -201,11 +201,10 @@ absl::Status AssetCatalog::release(const std::map<JobKey, std::shared_ptr<const 
 bool AssetCatalog::is_leased_asset(const contract::Digest& digest,
                                    const std::string& certificate) const {
   const FarmView view(farm_);
-  const std::set<JobKey> leased = view.scheduler().workers().leased_jobs(certificate);
   const MutexLock lock(mutex_);
   const auto found = jobs_.find(digest);
   if (found == jobs_.end()) return false;
-  return std::any_of(leased.begin(), leased.end(), [jobs = &found->second](JobKey key) {
+  return view.scheduler().workers().has_leased(certificate, [jobs = &found->second](JobKey key) {
     const auto job = jobs->find(key);
     return job != jobs->end() && job->second;
   });

@@ -96,11 +96,11 @@ std::shared_ptr<const JobSpec> FarmQueries::describe_job(const std::string& job_
   const FarmView view(parts_.farm);
   const Job* job = view.find_job(job_id);
   if (job == nullptr) return nullptr;
-  if (!certificate.empty() &&
-      view.scheduler().workers().leased_jobs(certificate).count(job->key) == 0) {
-    return nullptr;
+  const auto is_this = [key = job->key](JobKey leased) { return leased == key; };
+  if (certificate.empty() || view.scheduler().workers().has_leased(certificate, is_this)) {
+    return job->spec;
   }
-  return job->spec;
+  return nullptr;
 }
 
 absl::StatusOr<JobReport> FarmQueries::report(const std::string& job_id) const {

@@ -7,28 +7,34 @@
 
 namespace tessera::server {
 
-void JobIndex::add(JobKey key, const JobSpec& spec) {
-  by_id_[spec.id] = {key, spec.owner};
-  if (!spec.request_id.empty()) by_request_[spec.request_id] = key;
-  by_name_[spec.name][key] = spec.owner;
-  by_owner_[spec.owner].insert(key);
+void JobIndex::Jobs::add(JobKey key, const JobSpec& spec) {
+  keys.insert(key);
+  by_id[spec.id] = key;
+  by_name[spec.name].insert(key);
 }
 
-void JobIndex::erase(Keys& keys, const std::string& text, JobKey key) {
-  const auto found = keys.find(text);
-  if (found == keys.end()) return;
-  found->second.erase(key);
-  if (found->second.empty()) keys.erase(found);
+void JobIndex::Jobs::remove(JobKey key, const JobSpec& spec) {
+  keys.erase(key);
+  by_id.erase(spec.id);
+  const auto named = by_name.find(spec.name);
+  if (named == by_name.end()) return;
+  named->second.erase(key);
+  if (named->second.empty()) by_name.erase(named);
+}
+
+void JobIndex::add(JobKey key, const JobSpec& spec) {
+  all_.add(key, spec);
+  by_owner_[spec.owner].add(key, spec);
+  if (!spec.request_id.empty()) by_request_[spec.request_id] = key;
 }
 
 void JobIndex::remove(JobKey key, const JobSpec& spec) {
-  by_id_.erase(spec.id);
+  all_.remove(key, spec);
   by_request_.erase(spec.request_id);
-  erase(by_owner_, spec.owner, key);
-  const auto named = by_name_.find(spec.name);
-  if (named == by_name_.end()) return;
-  named->second.erase(key);
-  if (named->second.empty()) by_name_.erase(named);
+  const auto theirs = by_owner_.find(spec.owner);
+  if (theirs == by_owner_.end()) return;
+  theirs->second.remove(key, spec);
+  if (theirs->second.keys.empty()) by_owner_.erase(theirs);
 }
 
 JobKey JobIndex::of_request(const std::string& request_id) const {
@@ -37,38 +43,42 @@ JobKey JobIndex::of_request(const std::string& request_id) const {
 }
 
 JobKey JobIndex::with_id(const std::string& id) const {
-  const auto found = by_id_.find(id);
-  return found == by_id_.end() ? 0 : found->second.key;
+  const auto found = all_.by_id.find(id);
+  return found == all_.by_id.end() ? 0 : found->second;
 }
 
 std::vector<JobKey> JobIndex::with_prefix(const std::string& prefix, const std::string& owner,
                                           std::size_t limit) const {
+  const std::map<std::string, JobKey>& by_id = jobs_of(owner).by_id;
   std::vector<JobKey> keys;
-  for (auto it = by_id_.lower_bound(prefix);
-       it != by_id_.end() && keys.size() < limit && absl::StartsWith(it->first, prefix); ++it) {
-    if (owner.empty() || it->second.owner == owner) keys.push_back(it->second.key);
+  for (auto it = by_id.lower_bound(prefix);
+       it != by_id.end() && keys.size() < limit && absl::StartsWith(it->first, prefix); ++it) {
+    keys.push_back(it->second);
   }
   std::sort(keys.begin(), keys.end(), std::greater<>());
   return keys;
 }
 
 JobKey JobIndex::newest_named(const std::string& name, const std::string& owner) const {
-  const auto found = by_name_.find(name);
-  if (found == by_name_.end()) return 0;
-  for (auto job = found->second.rbegin(); job != found->second.rend(); ++job) {
-    if (owner.empty() || job->second == owner) return job->first;
-  }
-  return 0;
+  const Jobs& jobs = jobs_of(owner);
+  const auto named = jobs.by_name.find(name);
+  return named == jobs.by_name.end() ? 0 : *named->second.rbegin();
 }
 
 std::vector<std::string> JobIndex::owners() const {
   std::vector<std::string> names;
   names.reserve(by_owner_.size());
-  for (const auto& [owner, keys] : by_owner_) names.push_back(owner);
+  for (const auto& [owner, jobs] : by_owner_) names.push_back(owner);
   return names;
 }
 
 const std::set<JobKey>& JobIndex::of_owner(const std::string& owner) const {
+  const auto found = by_owner_.find(owner);
+  return found == by_owner_.end() ? none_.keys : found->second.keys;
+}
+
+const JobIndex::Jobs& JobIndex::jobs_of(const std::string& owner) const {
+  if (owner.empty()) return all_;
   const auto found = by_owner_.find(owner);
   return found == by_owner_.end() ? none_ : found->second;
 }

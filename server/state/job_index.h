@@ -9,8 +9,8 @@
 
 namespace tessera::server {
 
-/// Finds jobs by ID, name, owner and request without visiting all of them. Plain data without a
-/// lock; names nothing of a job that has been removed.
+/// Finds jobs by ID, name, owner and request without visiting others, also among those of one owner
+/// only. Plain data without a lock; names nothing of a job that has been removed.
 class JobIndex {
  public:
   void add(JobKey key, const JobSpec& spec);
@@ -32,18 +32,22 @@ class JobIndex {
   std::vector<std::string> owners() const;
 
  private:
-  struct Entry {
-    JobKey key = 0;
-    std::string owner;
-  };
-  using Keys = std::map<std::string, std::set<JobKey>>;
-  static void erase(Keys& keys, const std::string& text, JobKey key);
+  struct Jobs {
+    std::set<JobKey> keys;
+    std::map<std::string, JobKey> by_id;
+    std::map<std::string, std::set<JobKey>> by_name;
 
-  std::map<std::string, Entry> by_id_;
+    void add(JobKey key, const JobSpec& spec);
+    void remove(JobKey key, const JobSpec& spec);
+  };
+
+  /// Returns the owner's jobs, or all for an empty `owner`.
+  const Jobs& jobs_of(const std::string& owner) const;
+
+  Jobs all_;
+  std::map<std::string, Jobs> by_owner_;
   std::map<std::string, JobKey> by_request_;
-  std::map<std::string, std::map<JobKey, std::string>> by_name_;  // job → owner
-  Keys by_owner_;
-  std::set<JobKey> none_;  // what of_owner() returns for an unknown owner
+  Jobs none_;  // of an unknown owner
 };
 
 }  // namespace tessera::server

@@ -1,5 +1,7 @@
 #include "server/schedule/workers/worker_table.h"
 
+#include <algorithm>
+
 namespace tessera::server {
 
 Worker& WorkerTable::add(const std::string& id) {
@@ -65,14 +67,14 @@ bool WorkerTable::remove_witness(const Worker& worker) {
   return true;
 }
 
-std::set<JobKey> WorkerTable::leased_jobs(const std::string& certificate) const {
-  std::set<JobKey> jobs;
-  if (certificate.empty()) return jobs;
-  for (const WorkerKey key : of_witness(witness_name("", certificate))) {
-    const Worker& worker = workers_.at(key);
-    jobs.insert(worker.leased_jobs.begin(), worker.leased_jobs.end());
-  }
-  return jobs;
+bool WorkerTable::has_leased(const std::string& certificate,
+                             const std::function<bool(JobKey)>& matches) const {
+  if (certificate.empty()) return false;
+  const std::set<WorkerKey>& keys = of_witness(witness_name("", certificate));
+  return std::any_of(keys.begin(), keys.end(), [&](WorkerKey key) {
+    const std::set<JobKey>& jobs = workers_.at(key).leased_jobs;
+    return std::any_of(jobs.begin(), jobs.end(), matches);
+  });
 }
 
 }  // namespace tessera::server

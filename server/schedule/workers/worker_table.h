@@ -36,8 +36,10 @@ class WorkerTable {
   void add_witness(const Worker& worker) { by_witness_[worker.witness].insert(worker.key); }
   /// The reverse. Returns whether the witness has no other worker.
   bool remove_witness(const Worker& worker);
-  /// Returns unfinished jobs of which units were leased to workers with this certificate.
-  std::set<JobKey> leased_jobs(const std::string& certificate) const;
+  /// Returns whether units of an unfinished job for which `matches` holds were leased to a worker
+  /// with this certificate.
+  bool has_leased(const std::string& certificate,
+                  const std::function<bool(JobKey)>& matches) const;
 
  private:
   std::map<WorkerKey, Worker> workers_;
