@@ -14,7 +14,8 @@ namespace tessera::server {
 class FarmLimits {
  public:
   FarmLimits(Tables& tables, Dispatcher& dispatcher)
-      : jobs_(tables.jobs),
+      : workers_(tables.workers),
+        jobs_(tables.jobs),
         stopped_(tables.stopped),
         ready_(tables.ready),
         dispatcher_(dispatcher) {}
@@ -42,6 +43,7 @@ class FarmLimits {
   std::vector<UsageRow> usage(Time now) const { return committed_share().table(now); }
 
  private:
+  const WorkerTable& workers_;
   JobTable& jobs_;
   StoppedAccounts& stopped_;
   ReadyJobs& ready_;

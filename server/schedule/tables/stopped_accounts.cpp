@@ -1,6 +1,15 @@
 #include "server/schedule/tables/stopped_accounts.h"
 
+#include <algorithm>
+#include <utility>
+
 namespace tessera::server {
+
+bool StoppedAccounts::set(Reasons reasons) {
+  std::swap(reasons_, reasons);
+  return !std::equal(reasons_.begin(), reasons_.end(), reasons.begin(), reasons.end(),
+                     [](const auto& a, const auto& b) { return a.first == b.first; });
+}
 
 const std::string* StoppedAccounts::reason_for(const Job& job) const {
   if (reasons_.empty()) return nullptr;

@@ -13,7 +13,8 @@ class StoppedAccounts {
  public:
   using Reasons = std::map<Account, std::string>;
 
-  void set(Reasons reasons) { reasons_ = std::move(reasons); }
+  /// Returns whether other accounts are stopped now.
+  bool set(Reasons reasons);
   /// Returns why units of the job's account are not leased; nullptr if they are.
   const std::string* reason_for(const Job& job) const;
 

@@ -2,6 +2,7 @@
 // machine.
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -56,6 +57,22 @@ TEST(Cost, IdleTicksOfUnservableJobsAreFree) {
   std::vector<WorkerKey> workers;
   for (int i = 0; i < 100; ++i) workers.push_back(farm.connect("w" + std::to_string(i)));
   EXPECT_EQ(steps(farm, [&] { farm.pass(10s, workers); }), 0);
+}
+
+/// A thousand changes take milliseconds, and 20 s if they visit the jobs.
+TEST(Cost, WeightsAndBudgetsDoNotWalkQueuedJobs) {
+  SchedulerHarness farm;
+  queue_unservable(farm, 100'000);
+  farm.add_job({.tiles = 4, .owner = "ann"});
+  farm.connect("w1", {.credits = 2});
+  FarmLimits& limits = farm.scheduler.limits();
+  const auto start = std::chrono::steady_clock::now();
+  for (int i = 0; i < 1000; ++i) {
+    limits.set_weight("ann", 1 + i, farm.now);
+    ASSERT_FALSE(limits.usage(farm.now).size() > 100);
+    limits.stop_accounts({}, farm.now);
+  }
+  EXPECT_LT(std::chrono::steady_clock::now() - start, 5s);
 }
 
 TEST(Cost, FullJobsAreNotWalked) {
