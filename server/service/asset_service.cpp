@@ -54,12 +54,17 @@ absl::Status sync_upload(const std::string& path) {
 }
 
 /// Stores received bytes if they match the announced digest: small assets from memory, large ones
-/// from an upload file. All work is done by the pool, one message at a time.
+/// from an upload file. All work is done by a pool, one message at a time.
 class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
  public:
-  Upload(Coordinator& coordinator, const Access& access, IoPool& io,
+  /// `bulk`: for large assets.
+  Upload(Coordinator& coordinator, const Access& access, IoPool& io, IoPool& bulk,
          const absl::StatusOr<Caller>& caller)
-      : coordinator_(coordinator), access_(access), io_(io), caller_(caller.value_or(Caller{})) {
+      : coordinator_(coordinator),
+        access_(access),
+        bulk_(bulk),
+        io_(&io),
+        caller_(caller.value_or(Caller{})) {
     if (caller.ok()) {
       StartRead(&request_);
     } else {
@@ -68,12 +73,12 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   }
 
   void OnReadDone(bool ok) override {
-    io_.post([this, ok] { go_on(ok); });
+    io_->post([this, ok] { go_on(ok); });
   }
 
   void OnDone() override {
     caller_.stream.reset();  // before the call's context is gone
-    io_.post([this] {
+    io_->post([this] {
       output_.reset();
       if (is_counted_ && !is_stored_) coordinator_.assets().drop_upload(caller_.owner(), *digest_);
       if (!path_.empty() && !is_published_) std::remove(path_.c_str());
@@ -136,6 +141,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     path_ = *path;
     output_.emplace(path_, std::ios::binary | std::ios::trunc);
     if (!*output_) return write_error();
+    io_ = &bulk_;  // from the next message on
     return absl::OkStatus();
   }
 
@@ -177,7 +183,8 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
 
   Coordinator& coordinator_;
   const Access& access_;
-  IoPool& io_;
+  IoPool& bulk_;
+  IoPool* io_;
   Caller caller_;  // also its place in the table of open streams
   v1::UploadAssetRequest request_;
   std::optional<contract::Digest> digest_;
@@ -287,7 +294,7 @@ absl::Status AssetService::find_missing(const v1::FindMissingAssetsRequest& requ
 
 grpc::ServerReadReactor<v1::UploadAssetRequest>* AssetService::UploadAsset(
     grpc::CallbackServerContext* context, v1::UploadAssetResponse* /*response*/) {
-  return new Upload(coordinator_, access_, io_,
+  return new Upload(coordinator_, access_, io_, bulk_,
                     access_.admit(*context, "AssetService.UploadAsset"));
 }
 

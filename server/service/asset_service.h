@@ -29,7 +29,9 @@ class AssetService final : public v1::AssetService::CallbackService {
 
   Coordinator& coordinator_;
   const Access& access_;
-  IoPool io_{4};  // reads and writes assets
+  IoPool io_{3};  // reads assets and writes small ones
+  /// Writes large ones: one at a time, so that a commit waits for at most one sync of an upload.
+  IoPool bulk_{1, IoPool::Priority::low};
 };
 
 }  // namespace tessera::server

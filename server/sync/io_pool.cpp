@@ -1,11 +1,28 @@
 #include "server/sync/io_pool.h"
 
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <utility>
 
 namespace tessera::server {
+namespace {
 
-IoPool::IoPool(int thread_count) {
-  for (int i = 0; i < thread_count; ++i) threads_.emplace_back([this] { run(); });
+/// Of this thread: on Linux, threads have nice values of their own.
+void lower_priority() {
+  constexpr int kNice = 10;
+  ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNice);
+}
+
+}  // namespace
+
+IoPool::IoPool(int thread_count, Priority priority) {
+  for (int i = 0; i < thread_count; ++i) {
+    threads_.emplace_back([this, priority] {
+      if (priority == Priority::low) lower_priority();
+      run();
+    });
+  }
 }
 
 IoPool::~IoPool() {

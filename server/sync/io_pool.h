@@ -16,7 +16,9 @@ namespace tessera::server {
 /// A stream posts one task at a time, and the number of streams is limited, so the queue is too.
 class IoPool {
  public:
-  explicit IoPool(int thread_count);
+  enum class Priority { normal, low };
+  /// With a low priority, its threads get a tenth of a core while others need all of it.
+  explicit IoPool(int thread_count, Priority priority = Priority::normal);
   /// Carries out what has been posted, then ends the threads.
   ~IoPool();
   IoPool(const IoPool&) = delete;
