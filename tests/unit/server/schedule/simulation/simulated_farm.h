@@ -71,7 +71,7 @@ class SimulatedFarm {
   void check_lease(const Computer& computer, const Job& job, const Lease& lease);
   void retry(Job& job);
   void resume_all();
-  bool is_met(const Dependency& dependency, std::int32_t frame) const;
+  bool is_met(const Dependency& dependency, const Lease& lease) const;
   void check_limits();
   Computer& add_computer(const std::string& certificate, bool is_faulty, bool is_anchor);
   void connect(Computer& computer);
@@ -109,14 +109,15 @@ class SimulatedFarm {
   std::set<std::string> aside_;               // worker IDs
   std::map<Account, std::string> stopped_;
   Attempt last_lease_;  // newest that a worker has read
-  // The newest lease when a worker was set aside, blocked for a job, an account stopped.
+  // The newest lease when a worker was set aside, blocked for a job, an account stopped, a job
+  // retried.
   std::map<std::string, Attempt> aside_since_;
   std::map<std::pair<JobKey, std::string>, Attempt> blocked_since_;
   std::map<Account, Attempt> stopped_since_;
+  std::map<std::string, Attempt> retried_since_;  // by job ID
   std::set<std::string> bans_, roster_;
   std::vector<UsageRow> usage_;
   std::vector<Write> writes_;  // delivered, not durable
-  bool is_resumed_ = false;    // jobs that had ended were retried
   JobKey last_job_ = 0;
   int last_computer_ = 0;
   Events events_;

@@ -1,6 +1,7 @@
 // Faults of a simulated farm, and its rules of dependencies and limits.
 #include <algorithm>
 #include <chrono>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "tests/unit/server/schedule/simulation/simulated_farm_parts.h"
@@ -9,6 +10,15 @@ namespace tessera::server {
 namespace {
 
 constexpr int kMaxJobs = 12;
+
+bool has_other_holder(const Job& job, const contract::Unit& unit, WorkerKey worker) {
+  if (!job.plan) return false;
+  const auto found = job.plan->in_flight().find(unit);
+  if (found == job.plan->in_flight().end()) return false;
+  const std::vector<Holder>& holders = found->second.holders;
+  return std::any_of(holders.begin(), holders.end(),
+                     [worker](const Holder& holder) { return holder.worker != worker; });
+}
 
 }  // namespace
 
@@ -28,8 +38,8 @@ void SimulatedFarm::add_dependencies(JobSpec& spec) {
   }
 }
 
-/// Returns whether a frame of a job with this dependency may be leased.
-bool SimulatedFarm::is_met(const Dependency& dependency, std::int32_t frame) const {
+/// Returns whether a job with this dependency may have this lease.
+bool SimulatedFarm::is_met(const Dependency& dependency, const Lease& lease) const {
   const auto removed = removed_.find(dependency.job_id);
   const Job* other = scheduler_->jobs().find(dependency.job_id);
   const JobState state = removed != removed_.end() ? removed->second : other->state;
@@ -37,10 +47,13 @@ bool SimulatedFarm::is_met(const Dependency& dependency, std::int32_t frame) con
   switch (dependency.kind) {
     case Dependency::Kind::success:
       return false;
-    case Dependency::Kind::end:  // it may have been retried since the lease
-      return has_ended(state) || is_resumed_;
+    case Dependency::Kind::end: {
+      const auto retried = retried_since_.find(dependency.job_id);
+      return has_ended(state) ||
+             (retried != retried_since_.end() && lease.attempt <= retried->second);
+    }
     case Dependency::Kind::frames:
-      return other != nullptr && store_.at(other->key)->frames.count(frame) > 0;
+      return other != nullptr && store_.at(other->key)->frames.count(lease.frame) > 0;
   }
   return false;
 }
@@ -56,8 +69,13 @@ Attempt SimulatedFarm::newest_lease() const {
 
 /// Checks a lease when its worker reads it. It may be older than a rule.
 void SimulatedFarm::check_lease(const Computer& computer, const Job& job, const Lease& lease) {
+  const contract::Unit unit{lease.frame, lease.first_tile, lease.pass};
+  const bool is_audit = job.plan && job.plan->is_committed(unit);
   for (const Dependency& dependency : job.spec->after) {
-    if (is_met(dependency, lease.frame)) continue;
+    if (is_met(dependency, lease)) continue;
+    // Units that were leased before that job was retried may be audited and copied.
+    const bool is_repeated = is_audit || has_other_holder(job, unit, computer.key);
+    if (is_repeated && retried_since_.count(dependency.job_id) > 0) continue;
     violate(absl::StrCat("job ", lease.job_id, " is leased before job ", dependency.job_id));
   }
   if (aside_.count(computer.id) > 0 && lease.attempt > aside_since_.at(computer.id)) {
@@ -67,8 +85,6 @@ void SimulatedFarm::check_lease(const Computer& computer, const Job& job, const 
       lease.attempt > blocked_since_.at({job.key, computer.id})) {
     violate(absl::StrCat(computer.id, " is blocked for job ", lease.job_id));
   }
-  const contract::Unit unit{lease.frame, lease.first_tile, lease.pass};
-  const bool is_audit = job.plan && job.plan->is_committed(unit);
   const Worker* worker = scheduler_->workers().find(computer.key);
   const bool is_held = worker != nullptr && worker->leased_units.count({job.key, unit}) > 0;
   const Account account{AccountScope::owner, job.spec->owner};
@@ -89,6 +105,7 @@ void SimulatedFarm::check_limits() {
 }
 
 void SimulatedFarm::retry(Job& job) {
+  retried_since_[job.spec->id] = newest_lease();
   if (!scheduler_->lifecycle().retry(job, now_).ok()) violate("cannot retry");
   finish_frames(job);
 }
@@ -96,7 +113,6 @@ void SimulatedFarm::retry(Job& job) {
 /// Ends what would keep jobs from being done: pauses, jobs that others wait for and that were
 /// cancelled, jobs that others wait for and that are gone.
 void SimulatedFarm::resume_all() {
-  is_resumed_ = true;
   stopped_.clear();
   scheduler_->limits().stop_accounts(stopped_, now_);
   for (const auto& [key, stored] : store_) {
