@@ -8,7 +8,7 @@
 namespace tessera::server {
 namespace {
 
-/// Of this thread: on Linux, threads have nice values of their own.
+/// Lowers the priority of the calling thread only: on Linux, each thread has its own nice value.
 void lower_priority() {
   constexpr int kNice = 10;
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNice);
