@@ -6,8 +6,8 @@ namespace tessera::server {
 
 namespace {
 
-/// Calls `visit` with the job and the holder of each lease that is charged to its owner. Starts from
-/// the workers, because most jobs may have no leases.
+/// Calls `visit` with the job and the holder of each lease that is charged to its owner. Starts
+/// from the workers, because most jobs may have no leases.
 template <typename Visit>
 void for_each_charged(const WorkerTable& workers, const JobTable& jobs, const Visit& visit) {
   for (const auto& [key, worker] : workers.all()) {

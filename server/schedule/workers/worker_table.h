@@ -38,8 +38,7 @@ class WorkerTable {
   bool remove_witness(const Worker& worker);
   /// Returns whether units of an unfinished job for which `matches` holds were leased to a worker
   /// with this certificate.
-  bool has_leased(const std::string& certificate,
-                  const std::function<bool(JobKey)>& matches) const;
+  bool has_leased(const std::string& certificate, const std::function<bool(JobKey)>& matches) const;
 
  private:
   std::map<WorkerKey, Worker> workers_;
