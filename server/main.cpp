@@ -85,6 +85,14 @@ int fail(const absl::Status& status) {
   return absl::IsDataLoss(status) ? kExitDamaged : cli::exit_code(status.code());
 }
 
+/// fail() for errors of the store.
+int fail_to_open(const std::string& store, const absl::Status& status) {
+  if (!absl::IsDataLoss(status)) return fail(status);
+  return fail(absl::DataLossError(absl::StrCat(
+      std::string(status.message()),
+      "; restore a backup, or keep what can be read: ", "`tessera-server recover ", store, "`")));
+}
+
 /// Ticks until SIGTERM or SIGINT, which must be blocked in every thread. Warns once a day of
 /// certificates that end soon.
 void tick_until_signal(Coordinator& coordinator, const sigset_t& signals, const std::string& certs,
@@ -120,11 +128,11 @@ int serve(const Config& config, const sigset_t& signals) {
     metrics->fsync_seconds.Observe(seconds);
   };
   auto store = Store::open(config.store, real_filesystem(), std::move(store_options));
-  if (!store.ok()) return fail(store.status());
+  if (!store.ok()) return fail_to_open(config.store, store.status());
   const absl::Status forgotten = forget_old_joins(**store, config.store);
-  if (!forgotten.ok()) return fail(forgotten);
+  if (!forgotten.ok()) return fail_to_open(config.store, forgotten);
   auto coordinator = Coordinator::open(**store, options);
-  if (!coordinator.ok()) return fail(coordinator.status());
+  if (!coordinator.ok()) return fail_to_open(config.store, coordinator.status());
   std::unique_ptr<MetricsListener> metrics;
   if (!config.metrics.empty()) {
     Health& health = (*coordinator)->health();

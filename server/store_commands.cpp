@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <string>
 
@@ -10,6 +11,7 @@
 #include "server/store/files/filesystem.h"
 #include "server/store/maintenance/backup.h"
 #include "server/store/maintenance/check.h"
+#include "server/store/maintenance/recover.h"
 
 namespace tessera::server {
 namespace {
@@ -43,6 +45,49 @@ absl::Status back_up(const StoreFlags& flags) {
   return findings.status();
 }
 
+/// What it means that rows of a table of the database are lost.
+std::string meaning_of_loss(const std::string& table) {
+  static const auto& meanings = *new std::map<std::string, std::string>{
+      {"jobs", "jobs are missing: submit them again"},
+      {"units", "results are rendered again, in jobs that have not ended"},
+      {"blocks", "results are rendered again"},
+      {"segments", "results are rendered again"},
+      {"frames", "frames are rendered again"},
+      {"images", "frames are rendered again"},
+      {"assets", "scene files are missing: submit the scenes again"},
+      {"asset_contents", "scene files are missing: submit the scenes again"},
+      {"store", "workers connect as new ones; create join tokens again"},
+      {"workers", "the statistics of workers are missing"},
+      {"joins", "join tokens may be used again"},
+      {"bans", "banned workers may return: ban them again"},
+      {"settings", "settings of the farm are missing: weights, budgets, pools, workers set aside"},
+      {"events", "consumers of events are told that some are missing"},
+      {"totals", "the cost of jobs that are done is too low"},
+      {"usage", "results are charged in the hour of their submission"},
+      {"past_usage", "the accounts of removed jobs are too low"},
+  };
+  const auto found = meanings.find(table);
+  return found == meanings.end() ? "rows are missing" : found->second;
+}
+
+absl::Status recover(const std::string& folder) {
+  const auto recovery = recover_store(folder, real_filesystem());
+  if (!recovery.ok()) return recovery.status();
+  for (const Recovery::Table& table : recovery->tables) {
+    if (table.gaps == 0) continue;
+    std::printf("%s\n", absl::StrCat("lost rows of ", table.name, " (", table.rows,
+                                     " kept): ", meaning_of_loss(table.name))
+                            .c_str());
+  }
+  if (recovery->dropped_rows > 0) {
+    std::printf(
+        "%s\n",
+        absl::StrCat("dropped ", recovery->dropped_rows, " rows that belong to lost ones").c_str());
+  }
+  std::printf("the damaged database is %s\n", recovery->damaged.c_str());
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 void add_store_commands(CLI::App& app, std::function<absl::Status()>& run) {
@@ -66,6 +111,14 @@ void add_store_commands(CLI::App& app, std::function<absl::Status()>& run) {
       ->required()
       ->type_name("COPY");
   backup->callback([flags, &run] { run = [flags] { return back_up(*flags); }; });
+
+  CLI::App* recovery = cli::add_command(
+      app, "recover",
+      "Replace the damaged database of a stopped server by one with all rows that can be read");
+  recovery->add_option("store", flags->folder, "Directory of the store")
+      ->required()
+      ->type_name("DIR");
+  recovery->callback([flags, &run] { run = [flags] { return recover(flags->folder); }; });
 }
 
 }  // namespace tessera::server

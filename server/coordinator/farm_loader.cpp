@@ -8,7 +8,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "contract/version.h"
-#include "server/film/frame_summary.h"
 #include "server/jobs/job_admin.h"
 #include "server/state/failed_attempts.h"
 
@@ -49,14 +48,25 @@ absl::Status restore_costs(const Store& store, Scheduler& scheduler, Job& job) {
 }
 
 /// Returns whether any unit of the job has been rendered.
-absl::StatusOr<bool> has_started(const Store& store, const std::string& job_id) {
-  const auto frames = store.frames().list(job_id);
-  if (!frames.ok()) return frames.status();
-  bool started = !frames->empty();
-  if (started) return true;
+absl::StatusOr<bool> has_started(const Store& store, const std::string& job_id,
+                                 const std::vector<FrameRecord>& frames) {
+  if (!frames.empty()) return true;
+  bool started = false;
   absl::Status status = store.units().for_each(job_id, [&](const UnitRecord&) { started = true; });
   if (!status.ok()) return status;
   return started;
+}
+
+/// Returns those frames that have the job's settings. Others are of before an extension, or
+/// damaged.
+std::vector<FarmLoader::FinishedFrame> finished_frames(const std::vector<FrameRecord>& records,
+                                                       const contract::RenderSettings& settings) {
+  std::vector<FarmLoader::FinishedFrame> frames;
+  for (const FrameRecord& record : records) {
+    FrameSummary summary = read_frame_summary(record.statistics_json);
+    if (summary.fits(settings)) frames.push_back({record, std::move(summary)});
+  }
+  return frames;
 }
 
 }  // namespace
@@ -127,15 +137,26 @@ void FarmLoader::list_unreadable(FarmChange& change, const JobRecord& record,
 absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
   auto spec = parts_.farm.options().read_spec(record);
   if (!spec.ok()) return spec.status();
-  const auto state = static_cast<JobState>(record.state);
+  const auto records = parts_.store.frames().list(record.id);
+  if (!records.ok()) return records.status();
+  auto state = static_cast<JobState>(record.state);
   const bool is_current_contract = record.render_contract == contract::kRenderContract;
   bool started = true;
   if (state == JobState::queued || !is_current_contract) {
-    const auto found = has_started(parts_.store, record.id);
+    const auto found = has_started(parts_.store, record.id, *records);
     if (!found.ok()) return found.status();
     started = *found;
   }
   if (started) spec->render_contract = record.render_contract;
+  const std::vector<FinishedFrame> frames = finished_frames(*records, spec->settings);
+  if (state == JobState::done && is_current_contract) {
+    const std::size_t wanted = contract::frame_list(spec->settings.frames).size();
+    if (frames.size() < wanted) {  // the rows of the others were damaged
+      change.log(LogLevel::warn, absl::StrCat("job ", record.id, ": frames are lost: ",
+                                              wanted - frames.size(), "; rendering them again"));
+      state = JobState::running;
+    }
+  }
   spec->request_id = record.request_id;
   parts_.assets.add_job(record.sequence, *spec);
   Job& job =
@@ -146,8 +167,8 @@ absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
   job.wall_seconds_before = record.wall_seconds;
   JobFilm& film = change.film(job);
   film.create_time_us = record.create_time_us;
-  film.end_time_us = record.end_time_us;
-  if (record.end_time_us > 0) {  // after a crash, the time of service may be less than at its end
+  if (has_ended(state)) film.end_time_us = record.end_time_us;
+  if (film.end_time_us > 0) {  // after a crash, the time of service may be less than at its end
     film.end_served_us = std::min(record.end_served_us, change.served_us());
   }
   film.wall_at_start = record.wall_seconds;
@@ -155,7 +176,7 @@ absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
     parts_.pipeline.write_row(change, job.key);  // none of its blocks has another contract
   }
   if (!started && state == JobState::queued) return absl::OkStatus();
-  if (absl::Status frames = load_frames(change, job); !frames.ok()) return frames;
+  load_frames(change, job, frames);
   const absl::Status same = check_render_contract(*job.spec);
   if (same.ok() || state == JobState::done) return load_units(change, job, record);
   if (!has_ended(state)) change.scheduler().lifecycle().fail_job(job, same, change.now());
@@ -177,19 +198,15 @@ absl::Status FarmLoader::note_removed(FarmChange& change, const std::string& job
   return absl::OkStatus();
 }
 
-absl::Status FarmLoader::load_frames(FarmChange& change, Job& job) {
-  const auto frames = parts_.store.frames().list(job.spec->id);
-  if (!frames.ok()) return frames.status();
+void FarmLoader::load_frames(FarmChange& change, Job& job,
+                             const std::vector<FinishedFrame>& frames) {
   JobFilm& film = change.film(job);
   job.open_plan();
-  for (const FrameRecord& frame : *frames) {
-    const FrameSummary summary = read_frame_summary(frame.statistics_json);
-    if (!summary.fits(job.spec->settings)) continue;
-    film.count_finished(frame, summary);
-    change.scheduler().results().restore_frame(job, frame.frame, summary.unit_count);
+  for (const auto& [record, summary] : frames) {
+    film.count_finished(record, summary);
+    change.scheduler().results().restore_frame(job, record.frame, summary.unit_count);
     film.committed_samples += summary.samples;
   }
-  return absl::OkStatus();
 }
 
 absl::Status FarmLoader::load_units(FarmChange& change, Job& job, const JobRecord& record) {

@@ -1,22 +1,17 @@
 // Opening a store: lock, rows, boot count, and deletion of unfinished files.
-#include <sys/random.h>
-
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <utility>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "server/store/disk_store.h"
 #include "server/store/files/names.h"
+#include "server/store/sqlite/store_id.h"
 
 namespace tessera::server {
 namespace {
-
-constexpr std::size_t kIdBytes = 16;
-constexpr std::size_t kKeyBytes = 32;
 
 std::int64_t machine_time_us() {
   return std::chrono::duration_cast<std::chrono::microseconds>(
@@ -38,14 +33,6 @@ StoreOptions with_defaults(StoreOptions options) {
     };
   }
   return options;
-}
-
-absl::StatusOr<std::string> random_bytes(std::size_t count) {
-  std::string bytes(count, '\0');
-  if (::getentropy(bytes.data(), bytes.size()) != 0) {
-    return absl::UnavailableError("getentropy failed");
-  }
-  return bytes;
 }
 
 std::string parent_directory(const std::string& folder) {
@@ -112,10 +99,8 @@ absl::Status DiskStore::start() {
                                {options_.checkpoint_pages, options_.slack_pages});
   if (!journal.ok()) return journal.status();
   journal_ = *std::move(journal);
-  const auto id = random_bytes(kIdBytes);
-  const auto key = random_bytes(kKeyBytes);
-  if (!id.ok()) return id.status();
-  if (!key.ok()) return key.status();
+  const auto fresh = new_store_id();
+  if (!fresh.ok()) return fresh.status();
   const auto read = [&] {
     return journal_->read_as_writer([&](Database& rows) {
       return rows.each("SELECT id, key, boot_count FROM store", {}, [&](const SqlRow& row) {
@@ -140,7 +125,7 @@ absl::Status DiskStore::start() {
     return rows.run(
         "INSERT INTO store(one, id, key, boot_count) VALUES(1, ?, ?, 1) "
         "ON CONFLICT(one) DO UPDATE SET boot_count=boot_count+1",
-        {absl::BytesToHexString(*id), Blob{*key}});
+        {fresh->id, Blob{fresh->key}});
   });
   return counted.ok() ? read() : counted;
 }

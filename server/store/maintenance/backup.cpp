@@ -1,7 +1,5 @@
 #include "server/store/maintenance/backup.h"
 
-#include <sys/random.h>
-
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -11,30 +9,28 @@
 #include <utility>
 #include <vector>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "server/store/files/names.h"
 #include "server/store/sqlite/database.h"
 #include "server/store/sqlite/schema.h"
+#include "server/store/sqlite/store_id.h"
 
 namespace tessera::server {
 namespace {
 
 constexpr int kMaxTries = 3, kMaxSnapshots = 20;
-constexpr std::size_t kChunkBytes = std::size_t{1} << 20, kIdBytes = 16;
+constexpr std::size_t kChunkBytes = std::size_t{1} << 20;
 
 std::string parent_directory(const std::string& path) {
   const std::size_t slash = path.find_last_of('/');
   return slash == std::string::npos ? "." : path.substr(0, std::max<std::size_t>(slash, 1));
 }
 
-absl::StatusOr<std::string> random_hex() {
-  std::string bytes(kIdBytes, '\0');
-  if (::getentropy(bytes.data(), bytes.size()) != 0) {
-    return absl::UnavailableError("getentropy failed");
-  }
-  return absl::BytesToHexString(bytes);
+/// Returns a name that no other backup has.
+std::string random_name() {
+  const auto fresh = new_store_id();
+  return fresh.ok() ? fresh->id : "links";
 }
 
 /// Deletes a failed attempt: files in at most two levels of directories.
@@ -55,7 +51,7 @@ class Backup {
   Backup(std::string from, std::string to, Filesystem& filesystem)
       : from_(std::move(from)),
         to_(std::move(to)),
-        links_(absl::StrCat(from_, "/", kLinksPrefix, random_hex().value_or("links"))),
+        links_(absl::StrCat(from_, "/", kLinksPrefix, random_name())),
         filesystem_(filesystem) {}
 
   ~Backup() { remove_all(filesystem_, links_); }
@@ -124,9 +120,9 @@ class Backup {
   }
 
   static absl::Status assign_new_id(Database& rows) {
-    const auto id = random_hex();
-    if (!id.ok()) return id.status();
-    return rows.run("UPDATE store SET id=?", {std::string_view(*id)});
+    const auto fresh = new_store_id();
+    if (!fresh.ok()) return fresh.status();
+    return rows.run("UPDATE store SET id=?", {fresh->id});
   }
 
   absl::Status list_files(Database& rows) {
