@@ -235,12 +235,9 @@ void CommitPipeline::write_row(FarmChange& /*change*/, JobKey job) {
 }
 
 void CommitPipeline::write_running(FarmChange& change) {
-  std::set<JobKey> running;
-  for (const auto& [key, job] : change.scheduler().jobs().all()) {
-    if (job.running_since) running.insert(key);
-  }
+  const std::set<JobKey>& running = change.scheduler().jobs().of_state(JobState::running);
   const MutexLock lock(mutex_);
-  next_.changed.merge(running);
+  next_.changed.insert(running.begin(), running.end());
   retry_ = true;
   wakeup_.notify_all();
 }

@@ -169,7 +169,7 @@ absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
   film.create_time_us = record.create_time_us;
   if (has_ended(state)) film.end_time_us = record.end_time_us;
   if (film.end_time_us > 0) {  // after a crash, the time of service may be less than at its end
-    film.end_served_us = std::min(record.end_served_us, change.served_us());
+    change.set_end_served(job, std::min(record.end_served_us, change.served_us()));
   }
   film.wall_at_start = record.wall_seconds;
   if (!started && !is_current_contract) {

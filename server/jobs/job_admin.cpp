@@ -355,8 +355,10 @@ void JobAdmin::tick(FarmChange& change) {
   if (!is_due) return;
   if (!is_expiring_) expire_jobs(change);
   last_tick_ = change.now();
-  for (const auto& [key, job] : change.scheduler().jobs().all()) {
-    if (FarmChange::waits_for_room(job)) return pipeline_.post([this] { resume_waiting(); });
+  const JobTable& jobs = change.scheduler().jobs();
+  for (const JobKey key : jobs.of_state(JobState::paused)) {
+    if (!FarmChange::waits_for_room(jobs.at(key))) continue;
+    return pipeline_.post([this] { resume_waiting(); });
   }
 }
 
@@ -365,8 +367,9 @@ void JobAdmin::resume_waiting() {
   if (store_.free_bytes() < kRoomToResume) return;
   FarmChange change(farm_);
   std::vector<Job*> waiting;
-  for (const auto& [key, job] : change.scheduler().jobs().all()) {
-    if (FarmChange::waits_for_room(job)) waiting.push_back(change.scheduler().jobs().find(key));
+  for (const JobKey key : change.scheduler().jobs().of_state(JobState::paused)) {
+    Job* job = change.scheduler().jobs().find(key);
+    if (FarmChange::waits_for_room(*job)) waiting.push_back(job);
   }
   for (Job* job : waiting) apply(change, *job, Change::resume).IgnoreError();  // none has ended
 }
@@ -377,11 +380,10 @@ void JobAdmin::expire_jobs(FarmChange& change) {
   const FarmOptions& options = farm_.options();
   if (options.job_retention_us <= 0) return;
   std::vector<std::string> job_ids;
-  for (const auto& [key, job] : change.scheduler().jobs().all()) {
-    const std::optional<std::int64_t> ended_us = change.film(job).end_served_us;
-    if (!ended_us || change.served_us() - *ended_us < options.job_retention_us) continue;
-    job_ids.push_back(job.spec->id);
-    if (job_ids.size() == kOldJobsAtOnce) break;
+  for (const auto& [ended_us, key] : change.ended_jobs()) {
+    const bool is_old = change.served_us() - ended_us >= options.job_retention_us;
+    if (!is_old || job_ids.size() == kOldJobsAtOnce) break;
+    job_ids.push_back(change.scheduler().jobs().at(key).spec->id);
   }
   is_expiring_ = !job_ids.empty();
   if (is_expiring_) pipeline_.post([this, job_ids = std::move(job_ids)] { expire(job_ids); });

@@ -135,10 +135,10 @@ void FarmChange::note_state(const Job& job) {
   JobFilm& its_film = film(job);
   if (!has_ended(job.state)) {
     its_film.end_time_us = 0;
-    its_film.end_served_us.reset();
+    set_end_served(job, std::nullopt);
   } else if (its_film.end_time_us == 0) {
     its_film.end_time_us = state_.options_.wall_us();
-    its_film.end_served_us = served_us();
+    set_end_served(job, served_us());
   }
   if (job.state == JobState::done) {  // its blocks are no longer needed
     its_film.grid.reset();
@@ -162,6 +162,14 @@ JobFilm& FarmChange::film(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {
   return state_.films_.at(job.key);
 }
 
+void FarmChange::set_end_served(const Job& job, std::optional<std::int64_t> served_us)
+    ABSL_NO_THREAD_SAFETY_ANALYSIS {
+  std::optional<std::int64_t>& end = film(job).end_served_us;
+  if (end) state_.ended_.erase({*end, job.key});
+  end = served_us;
+  if (end) state_.ended_.insert({*end, job.key});
+}
+
 Job& FarmChange::add_job(JobKey key, std::shared_ptr<const JobSpec> spec,
                          JobState state) ABSL_NO_THREAD_SAFETY_ANALYSIS {
   state_.index_.add(key, *spec);
@@ -178,6 +186,7 @@ void FarmChange::note_demand(Job& job) {
 
 void FarmChange::remove_job(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {
   const JobKey key = job.key;
+  set_end_served(job, std::nullopt);
   state_.index_.remove(key, *job.spec);
   state_.kept_.remove(key);
   state_.films_.erase(key);

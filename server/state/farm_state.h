@@ -5,7 +5,10 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
@@ -69,6 +72,7 @@ class FarmState {
   std::map<JobKey, JobFilm> films_ ABSL_GUARDED_BY(mutex_);
   JobIndex index_ ABSL_GUARDED_BY(mutex_);
   KeptResults kept_ ABSL_GUARDED_BY(mutex_);
+  std::set<std::pair<std::int64_t, JobKey>> ended_ ABSL_GUARDED_BY(mutex_);  // by end_served_us
   const Time opened_;
   std::int64_t served_us_before_ ABSL_GUARDED_BY(mutex_) = 0;  // by earlier servers
 };
@@ -103,6 +107,11 @@ class ABSL_SCOPED_LOCKABLE FarmView {
   const FarmOptions& options() const { return farm_.options(); }
   /// Returns what the owner's jobs use of its quotas; scene files are not in it.
   OwnerUse owner_use(const std::string& owner) const;
+  /// Ended jobs by the time of service at their end (JobFilm::end_served_us).
+  const std::set<std::pair<std::int64_t, JobKey>>& ended_jobs() const
+      ABSL_NO_THREAD_SAFETY_ANALYSIS {
+    return farm_.ended_;
+  }
   /// Returns what an ended job keeps on disk; 0 for another.
   std::int64_t kept_bytes(const Job& job) const ABSL_NO_THREAD_SAFETY_ANALYSIS {
     return farm_.kept_.of_job(job.key);
@@ -136,6 +145,8 @@ class ABSL_SCOPED_LOCKABLE FarmChange : public FarmView {
   Job* find_job(const std::string& job_id);
   using FarmView::film;
   JobFilm& film(const Job& job);
+  /// Sets JobFilm::end_served_us.
+  void set_end_served(const Job& job, std::optional<std::int64_t> served_us);
   Job& add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobState state);
   /// Tells the scheduler what a job with new settings may need at most, for its owner's quota.
   void note_demand(Job& job);

@@ -6,7 +6,7 @@ namespace tessera::server {
 
 Job& JobChanges::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobState state) {
   Job& job = jobs_.add(key, spec->id);
-  job.state = state;
+  jobs_.set_state(job, state);
   job.spec = std::move(spec);
   job.scene = scene_key(*job.spec);
   job.requirement = job.spec->requirement();

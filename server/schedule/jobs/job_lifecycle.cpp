@@ -117,6 +117,7 @@ void JobLifecycle::remove_job(JobKey key) {
   Job* job = jobs_.find(key);
   if (job == nullptr) return;
   quarantine_.forgive(*job);
+  leases_.drop_audits(*job);
   if (!has_ended(job->state)) jobs_.count_demand(*job, -1);
   const std::string id = job->spec->id;
   const JobState state = job->state;

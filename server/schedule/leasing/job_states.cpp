@@ -6,7 +6,7 @@ void JobStates::set_state(Job& job, JobState state, const std::string& reason, T
   if (job.state == state && job.reason == reason) return;
   const bool was_running = job.state == JobState::running;
   if (!has_ended(job.state)) jobs_.count_demand(job, -1);
-  job.state = state;
+  jobs_.set_state(job, state);
   if (!has_ended(job.state)) jobs_.count_demand(job, 1);
   job.reason = reason;
   if (was_running && state != JobState::running) {

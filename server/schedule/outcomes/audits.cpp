@@ -32,7 +32,9 @@ void Audits::open_audit(Job& job, const Unit& unit, const std::string& worker_id
                         const contract::Digest& committed) {
   const auto [audit, is_new] =
       job.audits.try_emplace(unit, worker_id, committed, workers_.witness_of(worker_id));
-  if (is_new) audit_table_.await_worker(job, unit, audit->second);
+  if (!is_new) return;
+  audit_table_.await_worker(job, unit, audit->second);
+  audit_table_.note_audits(job);
 }
 
 bool Audits::has_audits(const Job& job, std::int32_t frame) const {
@@ -106,6 +108,7 @@ void Audits::end_audit(Job& job, const Unit& unit, Time now) {
         now);
   }
   auto node = job.audits.extract(found);
+  audit_table_.note_audits(job);
   if (audit.is_settled()) {
     ++job.counters.audited;
     for (const std::string& faulty : audit.faulty_workers()) quarantine(faulty);

@@ -72,6 +72,7 @@ void Results::redo(Job& job, const Unit& unit) {
     }
     audit_table_.stop_waiting(job, unit, audit->second);
     job.audits.erase(audit);
+    audit_table_.note_audits(job);
   }
   job.open_plan().redo(unit);
   ++job.counters.redone;

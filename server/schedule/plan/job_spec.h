@@ -35,6 +35,7 @@ enum class JobState : std::int32_t {
   failed = 5,
   cancelled = 6
 };
+inline constexpr std::size_t kJobStates = 6;
 
 /// Returns whether the job can only change by a request.
 inline bool has_ended(JobState state) {

@@ -32,6 +32,10 @@ absl::Status ScheduleCheck::verify() const {
     if (absl::Status status = verify_job(job); !status.ok()) return status;
     for (const auto& [unit, audit] : job.audits) audits += audit.group ? 1 : 0;
   }
+  for (const JobKey key : audit_table_.audited_jobs()) {
+    const Job* job = jobs_.find(key);
+    if (job == nullptr || job->audits.empty()) return differs("job without audits");
+  }
   if (ready_.queue().size() != ready_.queued_count()) return differs("size of the queue");
   if (audit_table_.waiting().size() != audits) return differs("number of audits that wait");
   FarmCensus working, present;
@@ -69,6 +73,10 @@ absl::Status ScheduleCheck::verify_job(const Job& job) const {
   const auto wrong = [&](const char* what) {
     return differs(absl::StrCat("job ", job.spec->id, ": ", what));
   };
+  if (jobs_.of_state(job.state).count(job.key) == 0) return wrong("state");
+  if (job.audits.empty() != (audit_table_.audited_jobs().count(job.key) == 0)) {
+    return wrong("audited");
+  }
   const bool is_runnable = job.is_runnable();
   if (ready_.is_queued(job.key) != (is_runnable && !ReadyJobs::has_all_workers(job)))
     return wrong("queued");

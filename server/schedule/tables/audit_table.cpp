@@ -14,4 +14,12 @@ void AuditTable::stop_waiting(const Job& job, const Unit& unit, Audit& audit) {
   waiting_.erase(job.requirement, {job.key, unit}, audit);
 }
 
+void AuditTable::note_audits(const Job& job) {
+  if (job.audits.empty()) {
+    audited_jobs_.erase(job.key);
+  } else {
+    audited_jobs_.insert(job.key);
+  }
+}
+
 }  // namespace tessera::server

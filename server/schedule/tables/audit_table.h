@@ -1,5 +1,7 @@
 #pragma once
 
+#include <set>
+
 #include "server/schedule/plan/job.h"
 #include "server/schedule/queue/audit_queue.h"
 #include "server/schedule/queue/ready_jobs.h"
@@ -17,9 +19,15 @@ class AuditTable {
   void stop_waiting(const Job& job, const contract::Unit& unit, Audit& audit);
   const AuditQueue& waiting() const { return waiting_; }
 
+  /// To be called when a job gets its first audit or may have lost the last one.
+  void note_audits(const Job& job);
+  /// Jobs with open audits.
+  const std::set<JobKey>& audited_jobs() const { return audited_jobs_; }
+
  private:
   ReadyJobs& ready_;
   AuditQueue waiting_;
+  std::set<JobKey> audited_jobs_;
 };
 
 }  // namespace tessera::server

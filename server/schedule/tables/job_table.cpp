@@ -6,11 +6,14 @@ Job& JobTable::add(JobKey key, const std::string& id) {
   by_id_[id] = key;
   Job& job = jobs_[key];
   job.key = key;
+  by_state_[index(job.state)].insert(key);
   return job;
 }
 
 void JobTable::erase(JobKey key) {
-  by_id_.erase(jobs_.at(key).spec->id);
+  const Job& job = jobs_.at(key);
+  by_id_.erase(job.spec->id);
+  by_state_[index(job.state)].erase(key);
   jobs_.erase(key);
 }
 
@@ -36,6 +39,13 @@ const Job* JobTable::find(const std::string& id) const {
 
 void JobTable::for_each(const std::function<void(Job&)>& visit) {
   for (auto& [key, job] : jobs_) visit(job);
+}
+
+void JobTable::set_state(Job& job, JobState state) {
+  if (job.state == state) return;
+  by_state_[index(job.state)].erase(job.key);
+  by_state_[index(state)].insert(job.key);
+  job.state = state;
 }
 
 void JobTable::count_demand(const Job& job, int sign) {

@@ -86,6 +86,7 @@ void LeaseTable::suspend_audits(Job& job) {
 void LeaseTable::drop_audits(Job& job) {
   suspend_audits(job);
   job.audits.clear();
+  audits_.note_audits(job);
 }
 
 }  // namespace tessera::server

@@ -22,9 +22,9 @@ std::vector<std::string> Quarantine::names_to_ban(const std::string& worker_id) 
 void Quarantine::ban(const std::string& name) {
   const std::string witness = workers_.witness_of(name);
   quarantined_.insert({name, witness});
-  jobs_.for_each([&](Job& job) {
-    for (auto& [unit, audit] : job.audits) audit.disregard(witness);
-  });
+  for (const JobKey key : audits_.audited_jobs()) {
+    for (auto& [unit, audit] : jobs_.at(key).audits) audit.disregard(witness);
+  }
   const std::set<WorkerKey>& peers = workers_.of_witness(witness);
   if (peers.empty()) return;
   for (const WorkerKey key : peers) exclude(workers_.at(key));

@@ -23,6 +23,7 @@ class Quarantine {
         ready_(tables.ready),
         outgoing_(tables.outgoing),
         leases_(tables.leases),
+        audits_(tables.audits),
         policy_(tables.policy) {}
 
   /// How the workers of a witness behave.
@@ -78,6 +79,7 @@ class Quarantine {
   ReadyJobs& ready_;
   Outgoing& outgoing_;
   LeaseTable& leases_;
+  const AuditTable& audits_;
   const SchedulePolicy& policy_;
   std::map<std::string, Conduct> conduct_;  // by witness
   std::set<std::string> quarantined_;       // IDs and witnesses: faulty or banned

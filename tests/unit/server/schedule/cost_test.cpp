@@ -75,6 +75,14 @@ TEST(Cost, WeightsAndBudgetsDoNotWalkQueuedJobs) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, 5s);
 }
 
+TEST(Cost, BansDoNotWalkQueuedJobs) {
+  SchedulerHarness farm;
+  queue_unservable(farm, 100'000);
+  const auto start = std::chrono::steady_clock::now();
+  for (int i = 0; i < 1000; ++i) farm.scheduler.quarantine().ban("w" + std::to_string(i));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, 2s);
+}
+
 TEST(Cost, FullJobsAreNotWalked) {
   SchedulerHarness farm;
   std::vector<WorkerKey> busy;
