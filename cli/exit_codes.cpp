@@ -1,5 +1,10 @@
 #include "cli/exit_codes.h"
 
+#include <cstdio>
+#include <cstdlib>
+
+#include "absl/base/config.h"
+
 namespace tessera::cli {
 
 int exit_code(absl::StatusCode code) {
@@ -18,6 +23,15 @@ int exit_code(absl::StatusCode code) {
     default:
       return kExitUnavailable;
   }
+}
+
+int end_process(int exit_code) {
+  // AddressSanitizer looks for leaks and gcov writes its counts after main().
+#if !defined(ABSL_HAVE_ADDRESS_SANITIZER) && !defined(TESSERA_COVERAGE)
+  std::fflush(nullptr);
+  std::_Exit(exit_code);
+#endif
+  return exit_code;
 }
 
 }  // namespace tessera::cli

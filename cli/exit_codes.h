@@ -13,4 +13,9 @@ inline constexpr int kExitInterrupted = 130;
 /// Returns the exit code of a program that failed with `code`.
 int exit_code(absl::StatusCode code);
 
+/// Ends the process without destroying globals, and returns `exit_code` if it may not. gRPC ends
+/// connection attempts that were given up on threads of its own, which would find globals
+/// destroyed, and OpenSSL cleaned up.
+int end_process(int exit_code);
+
 }  // namespace tessera::cli

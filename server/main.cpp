@@ -196,5 +196,5 @@ int run(int argc, char** argv) {
 }  // namespace tessera::server
 
 int main(int argc, char** argv) {
-  return tessera::server::run(argc, argv);
+  return tessera::cli::end_process(tessera::server::run(argc, argv));
 }

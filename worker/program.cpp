@@ -5,7 +5,6 @@
 #include <cstdlib>
 #include <string>
 
-#include "absl/base/config.h"
 #include "absl/strings/escaping.h"
 #include "cli/exit_codes.h"
 #include "rpc/settings_message.h"
@@ -23,22 +22,11 @@ namespace {
 
 using cli::kExitBadInput;
 
-/// Ends the process without destroying globals. gRPC ends a connection attempt that was given up on
-/// threads of its own, which would find them destroyed, and OpenSSL cleaned up.
-int end_process(int exit_code) {
-  // AddressSanitizer looks for leaks and gcov writes its counts after main().
-#if !defined(ABSL_HAVE_ADDRESS_SANITIZER) && !defined(TESSERA_COVERAGE)
-  std::fflush(nullptr);
-  std::_Exit(exit_code);
-#endif
-  return exit_code;
-}
-
 int work(const agent::AgentOptions& options) {
   const absl::Status status = agent::run_agent(options);
-  if (status.ok()) return end_process(0);
+  if (status.ok()) return cli::end_process(0);
   std::fprintf(stderr, "tessera-worker: %s\n", std::string(status.message()).c_str());
-  return end_process(cli::exit_code(status.code()));
+  return cli::end_process(cli::exit_code(status.code()));
 }
 
 /// Adds the comparison of acceleration structures to `report`; a failure becomes a finding.
