@@ -57,8 +57,7 @@ absl::StatusOr<bool> has_started(const Store& store, const std::string& job_id,
   return started;
 }
 
-/// Returns those frames that have the job's settings. Others are of before an extension, or
-/// damaged.
+/// Returns the frames with the job's settings. Others are older than an extension, or damaged.
 std::vector<FarmLoader::FinishedFrame> finished_frames(const std::vector<FrameRecord>& records,
                                                        const contract::RenderSettings& settings) {
   std::vector<FarmLoader::FinishedFrame> frames;

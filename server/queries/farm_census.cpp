@@ -81,8 +81,8 @@ struct Census {
 
 constexpr int kJobsAtOnce = 1000;
 
-/// Adds some jobs from the key `first`. Returns the key of the next ones, or -1. The farm is not
-/// locked longer, because 100,000 jobs take 20 ms.
+/// Adds a thousand jobs, from the key `first`. Returns the key of the next one, or -1. Not all at
+/// once, because 100,000 jobs would lock the farm for 20 ms.
 JobKey add_jobs(const FarmState& farm, JobKey first, Census& census) {
   const FarmView view(farm);
   const auto& jobs = view.scheduler().jobs().all();

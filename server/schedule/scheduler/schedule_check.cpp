@@ -34,7 +34,7 @@ absl::Status ScheduleCheck::verify() const {
   }
   for (const JobKey key : audit_table_.audited_jobs()) {
     const Job* job = jobs_.find(key);
-    if (job == nullptr || job->audits.empty()) return differs("job without audits");
+    if (job == nullptr || job->audits.empty()) return differs("audited jobs");
   }
   if (ready_.queue().size() != ready_.queued_count()) return differs("size of the queue");
   if (audit_table_.waiting().size() != audits) return differs("number of audits that wait");

@@ -54,8 +54,8 @@ class Recoverer {
   absl::StatusOr<Recovery> run() {
     absl::Status status = migrate(rows_);
     if (status.ok()) status = attach(absl::StrCat(folder_, "/store.db"));
-    // A failed read undoes the whole transaction, so every chunk of rows has one of its own. The
-    // end syncs them all.
+    // A failed read undoes its transaction, so each chunk of rows is one. All are synced at the
+    // end.
     if (status.ok()) status = rows_.script("PRAGMA synchronous=OFF");
     if (status.ok()) status = copy_tables();
     if (status.ok()) status = drop_damaged();

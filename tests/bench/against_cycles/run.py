@@ -184,6 +184,32 @@ def compare(name, renderers, size, raw, out):
     return row
 
 
+def compare_costs(row, renderers):
+    """Measures the CPU times of a row of results.json again, and changes what follows from them."""
+    found = row["renderers"]
+    timed = {name: program for name, program in renderers.items()
+             if name in found and variant_of(name) != "adaptive"}
+    cost = cost_per_sample(row["scene"], timed)
+    for name, program in timed.items():
+        entry = found[name]
+        factor = 1e6 * cost[name] / entry["cpu_seconds_per_megasample"]
+        entry["cpu_seconds_per_megasample"] *= factor
+        entry["curve"] = [(factor * seconds, errors) for seconds, errors in entry["curve"]]
+        if entry["seconds_per_megapixel"] is not None:
+            entry["seconds_per_megapixel"] *= factor
+        if "denoised" in entry:
+            filtering = cost_of_filter(row["scene"], program)
+            for spp, values in entry["denoised"].items():
+                values["filter_seconds_per_megapixel"] = filtering
+                values["seconds_per_megapixel"] = 1e6 * cost[name] * int(spp) + filtering
+        if "ratio" in entry:
+            ours = found[US]  # which comes first
+            entry["ratio"] = entry["seconds_per_megapixel"] / ours["seconds_per_megapixel"]
+            entry["interval"] = comparison.ratio_interval(entry["curve"], ours["curve"], GOAL)
+    log(f"{row['scene']}: " + json.dumps({name: found[name]["cpu_seconds_per_megasample"] for name in timed}))
+    return row
+
+
 def number(value, form="{:.2f}"):
     return "—" if value is None else form.format(value)
 
@@ -265,6 +291,8 @@ def main():
     parser.add_argument("--peer", action="append", help="a peer by its name in renderers.py; all that are installed")
     parser.add_argument("--quick", action="store_true", help="smaller images, for wider intervals in half the time")
     parser.add_argument("--raw", action="store_true", help="no denoised images")
+    parser.add_argument("--costs-of", type=pathlib.Path, metavar="RESULTS", help="measure only CPU times, for the "
+                        "images of an earlier run's results.json, because they need an idle machine")
     parser.add_argument("--out", type=pathlib.Path, help="folder for results.json, tables.md, SVG curves and references")
     args = parser.parse_args()
     known = GIVEN if args.scenes else OWN
@@ -287,9 +315,13 @@ def main():
         renderers = {name: program for name, program in renderers.items() if name in chosen}
         if args.out:
             args.out.mkdir(parents=True, exist_ok=True)
+        earlier = {row["scene"]: row for row in json.loads(args.costs_of.read_text())} if args.costs_of else {}
         rows = []
-        for name in args.only or known:
-            rows.append(compare(name, renderers, QUICK_SIZE if args.quick else SIZE, args.raw, args.out))
+        for name in args.only or earlier or known:
+            if args.costs_of:
+                rows.append(compare_costs(earlier[name], renderers))
+            else:
+                rows.append(compare(name, renderers, QUICK_SIZE if args.quick else SIZE, args.raw, args.out))
             if args.out:
                 (args.out / "results.json").write_text(json.dumps(rows, indent=1) + "\n")
                 (args.out / "tables.md").write_text(tables(rows) + "\n")
