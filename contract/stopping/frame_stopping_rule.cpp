@@ -71,6 +71,19 @@ void FrameStoppingRule::stop(std::int32_t index) {
   changes_.push_back({index, tile.seen + 1, true});
 }
 
+void FrameStoppingRule::stop_all() {
+  for (std::int32_t index = 0; index < static_cast<std::int32_t>(tiles_.size()); ++index) {
+    if (!tiles_[as_index(index)].stopped) stop(index);
+  }
+}
+
+/// Returns whether few pixels carry the error, and the bound would be above E at the last pass even
+/// if its square fell as 1/n².
+bool FrameStoppingRule::is_futile_after(const LookResult& result) const {
+  const double samples = samples_after(pass_), left = samples / samples_after(last_pass());
+  return result.is_concentrated && samples >= kMinFutileSamples && result.bound * left > error_;
+}
+
 std::optional<std::int32_t> FrameStoppingRule::due_look() const {
   if (active_ == 0 || behind_ > 0) return std::nullopt;
   return pass_;
@@ -79,11 +92,10 @@ std::optional<std::int32_t> FrameStoppingRule::due_look() const {
 void FrameStoppingRule::end_look(const LookResult& result) {
   if (!due_look()) return;
   const auto tile_count = static_cast<std::int32_t>(tiles_.size());
-  if (result.is_met) {
-    for (std::int32_t index = 0; index < tile_count; ++index) {
-      if (!tiles_[as_index(index)].stopped) stop(index);
-    }
-    return;
+  if (result.bound <= error_) return stop_all();
+  if (is_futile_after(result)) {
+    is_futile_ = true;
+    return stop_all();
   }
   const std::optional<double> level = plan(result);
   // Without a plan, as if the squared error of the frame fell as 1/n.
@@ -105,7 +117,7 @@ void FrameStoppingRule::end_look(const LookResult& result) {
 /// Returns the largest level at which the frame is predicted to meet its bound; nullopt if all
 /// tiles should continue: they get their last pass, or no plan can help.
 std::optional<double> FrameStoppingRule::plan(const LookResult& result) {
-  if (pass_ + 1 == last_pass() || result.bound <= error_) return std::nullopt;
+  if (pass_ + 1 == last_pass()) return std::nullopt;
   set_weights(result);
   // All tiles get the last pass at the lower level, and none another one at the upper level.
   double low = std::numeric_limits<double>::infinity(), high = 0;

@@ -36,7 +36,7 @@ class FrameStoppingRule final : public PassRule {
   std::int64_t expected_samples() const override { return expected_samples_; }
   int looks() const override { return looks_; }
   std::int32_t capped_tile_count() const override { return capped_tiles_; }
-  bool is_futile() const override { return false; }
+  bool is_futile() const override { return is_futile_; }
 
   /// The target E.
   double error() const { return error_; }
@@ -44,8 +44,8 @@ class FrameStoppingRule final : public PassRule {
   std::optional<std::int32_t> due_look() const;
   /// The denoised frame at a look.
   struct LookResult {
-    bool is_met = false;          // the frame meets its bound, and enough pixels carry the error
-    double error = 0, bound = 0;  // estimated error and its upper bound
+    double error = 0, bound = 0;   // estimated error and its upper bound
+    bool is_concentrated = false;  // few pixels carry the error
   };
   /// Reports the result of the look that is due. Ignored if no look is due.
   void end_look(const LookResult& result);
@@ -67,6 +67,8 @@ class FrameStoppingRule final : public PassRule {
   double samples_after(std::int32_t pass) const { return passes_[as_index(pass)].end(); }
   void expect(Tile& tile, double samples_per_pixel);
   void stop(std::int32_t index);
+  void stop_all();
+  bool is_futile_after(const LookResult& result) const;
   std::optional<double> plan(const LookResult& result);
   void set_weights(const LookResult& result);
   double worth(const Tile& tile, std::int32_t pass) const;
@@ -83,6 +85,7 @@ class FrameStoppingRule final : public PassRule {
   std::vector<PassTarget> changes_;
   std::int64_t expected_samples_ = 0;  // of all tiles
   std::int32_t capped_tiles_ = 0;
+  bool is_futile_ = false;
 };
 
 }  // namespace tessera::contract

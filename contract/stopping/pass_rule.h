@@ -38,9 +38,10 @@ class PassRule {
   /// Whether tiles stopped before the target because the samples left could not meet it.
   virtual bool is_futile() const = 0;
 
-  /// Effective number of pixels below which the error is concentrated: that of a denoised frame has
-  /// no bound then, and that of a raw one a wide bound.
+  /// Effective number of pixels below which the error is concentrated: the bound is wide then.
   static constexpr double kMinEffectivePixels = 30;
+  /// Samples per pixel from which on a rule may find that more of them cannot meet the target.
+  static constexpr double kMinFutileSamples = 256;
 };
 
 }  // namespace tessera::contract

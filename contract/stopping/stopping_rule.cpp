@@ -15,7 +15,6 @@ namespace {
 constexpr double kFill = 0.97, kAim = 0.9;
 constexpr int kBisections = 40;
 /// Samples per pixel before which no frame gives up: the first of rare events may be yet to come.
-constexpr double kMinFutileSamples = 256;
 
 }  // namespace
 

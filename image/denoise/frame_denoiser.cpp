@@ -61,6 +61,7 @@ class FrameDenoiser::State {
       planes_.push_back({inputs[i].name, inputs[i].type, {}, {}});
     }
     for (std::size_t c = 0; c < 3; ++c) colour_[c] = position(planes_, std::string(1, "RGB"[c]));
+    if (has_all(planes_, {"A"})) alpha_ = position(planes_, "A");
     const ExrType type = planes_[colour_[0]].type;
     raw_ = planes_.size();
     for (const char* name : {"raw.R", "raw.G", "raw.B"}) planes_.push_back({name, type, {}, {}});
@@ -151,14 +152,22 @@ class FrameDenoiser::State {
     first_row_ = first_row;
   }
 
-  /// Replaces R, G, B, but for pixels that are left raw.
+  /// Replaces R, G, B, but for pixels that are left raw, and for those without coverage and light,
+  /// which composite over others. A regression may go below 0, where only a raw value can be.
   void put_denoised(const DenoisedRows& denoised, std::vector<ExrPlane>& output) const {
-    for (std::size_t c = 0; c < 3; ++c) {
-      std::vector<float>& to = output[colour_[c]].values;
-      for (std::size_t i = 0; i < denoised.is_raw.size(); ++i) {
-        if (denoised.is_raw[i] == 0) to[i] = denoised.rgb[c][i];
+    for (std::size_t i = 0; i < denoised.is_raw.size(); ++i) {
+      if (denoised.is_raw[i] != 0 || is_empty(i, output)) continue;
+      for (std::size_t c = 0; c < 3; ++c) {
+        float& to = output[colour_[c]].values[i];
+        to = std::max(denoised.rgb[c][i], std::min(to, 0.0f));
       }
     }
+  }
+
+  bool is_empty(std::size_t i, const std::vector<ExrPlane>& output) const {
+    if (alpha_ == kNone || output[alpha_].values[i] != 0) return false;
+    return std::all_of(colour_.begin(), colour_.end(),
+                       [&](std::size_t plane) { return output[plane].values[i] == 0; });
   }
 
   /// Index in rows_ of the first value of the row to be passed on.
@@ -206,7 +215,7 @@ class FrameDenoiser::State {
   std::vector<std::size_t> kept_;    // positions of the other channels
   std::vector<ExrPlane> planes_;     // of the output: the kept channels, then new ones
   std::array<std::size_t, 3> colour_{};
-  std::size_t raw_ = 0, variance_ = 0, albedo_ = kNone, normal_ = kNone;
+  std::size_t alpha_ = kNone, raw_ = 0, variance_ = 0, albedo_ = kNone, normal_ = kNone;
   std::vector<std::vector<float>> rows_;  // denoising channels of rows [first_row_, end_row_)
   std::vector<ExrPlane> waiting_;         // kept channels of rows [next_row_, end_row_)
   std::int32_t first_row_ = 0, next_row_ = 0, end_row_ = 0;

@@ -138,6 +138,9 @@ absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
   if (!spec.ok()) return spec.status();
   const auto records = parts_.store.frames().list(record.id);
   if (!records.ok()) return records.status();
+  if (record.state < 1 || record.state > static_cast<std::int32_t>(kJobStates)) {
+    return absl::DataLossError(absl::StrCat("its state is ", record.state));
+  }
   auto state = static_cast<JobState>(record.state);
   const bool is_current_contract = record.render_contract == contract::kRenderContract;
   bool started = true;

@@ -32,6 +32,8 @@ ClaimedError::ClaimedError(const FrameStatistics& statistics)
   if (!statistics.denoised) return;
   error_upper95 = statistics.denoised->error_upper95;
   n_eff = std::min(n_eff, statistics.denoised->n_eff);
+  if (is_concentrated())
+    error_upper95 = std::max(error_upper95, statistics.estimated.error_upper95);
 }
 
 bool ClaimedError::is_concentrated() const {
@@ -52,9 +54,9 @@ ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingSta
   const ClaimedError claimed(s);
   const double error = *settings.error;
   const bool holds = claimed.error_upper95 <= error, is_capped = stopping.capped_tiles > 0;
-  if (claimed.is_concentrated() && (!holds || s.denoised)) {
+  if (claimed.is_concentrated() && !holds) {
     std::string reason = absl::StrFormat(
-        "the error is concentrated in about %.3g pixels, too few for a narrow confidence bound",
+        "the error is concentrated in few pixels (effectively %.3g), so its bound is wide",
         claimed.n_eff);
     if (stopping.is_futile) {
       absl::StrAppend(&reason, "; the samples left up to --max-spp would not meet the target");
@@ -71,7 +73,7 @@ ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingSta
     std::string bound = absl::StrFormat("the 95 %% error bound is %.4g, above the target %.4g",
                                         claimed.error_upper95, error);
     if (is_capped) {
-      absl::StrAppend(&bound, "; ", stopping.capped_tiles, " tiles reached --max-spp");
+      absl::StrAppend(&bound, "; tiles that reached --max-spp: ", stopping.capped_tiles);
     }
     add_reason(bound);
   }

@@ -133,8 +133,8 @@ absl::Status take_denoised_look(FilmCache& film, const FrameKey& key, const JobS
                                            [&](std::int32_t tile) { return film.tile(key, tile); });
   if (!statistics.ok()) return statistics.status();
   const ClaimedError claimed(*statistics);
-  const bool is_met = claimed.error_upper95 <= *spec.settings.error && !claimed.is_concentrated();
-  film.end_look(key, {is_met, statistics->denoised->error, claimed.error_upper95});
+  film.end_look(key,
+                {statistics->denoised->error, claimed.error_upper95, claimed.is_concentrated()});
   return absl::OkStatus();
 }
 

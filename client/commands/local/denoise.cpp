@@ -57,6 +57,10 @@ absl::Status check_files(const std::string& input, const std::string& output, bo
     return absl::InvalidArgumentError(
         absl::StrCat("--output ", output, ": same file as the input"));
   }
+  if (output.size() < 4 || output.substr(output.size() - 4) != ".exr") {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--output ", output, ": denoised images are OpenEXR files, name.exr"));
+  }
   if (!force && ::access(output.c_str(), F_OK) == 0) {
     return absl::AlreadyExistsError(
         absl::StrCat(output, " already exists; use --force to overwrite"));

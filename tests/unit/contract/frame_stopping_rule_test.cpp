@@ -26,10 +26,9 @@ constexpr ErrorSums noise(double square) {
 constexpr ErrorSums kNoisy = noise(1);
 
 using LookResult = FrameStoppingRule::LookResult;
-constexpr LookResult kMet{true, 0.04, 0.05};
-constexpr LookResult kMissed{false, 0.1, 0.12};          // in reach with another pass of some tiles
-constexpr LookResult kOutOfReach{false, 5, 6};           // by any schedule here
-constexpr LookResult kFewPixelsOnly{false, 0.04, 0.05};  // too few pixels carry the error
+constexpr LookResult kMet{0.04, 0.05};
+constexpr LookResult kMissed{0.1, 0.12};  // in reach with another pass of some tiles
+constexpr LookResult kOutOfReach{5, 6};   // by any schedule here
 
 /// Passes end at 8, 32, 64, 128, 256, 512, 768, … samples.
 FrameStoppingRule make_rule(std::size_t tiles, std::int32_t max_spp = 256) {
@@ -140,7 +139,7 @@ TEST(FrameStoppingRule, WaitingTileContinuesAtLaterLook) {
   rule.add(1, 3, noise(0.001));  // better than predicted: tile 0 has most of the error now
   ASSERT_EQ(rule.due_look(), 3);
   rule.take_changes();
-  rule.end_look({false, 0.4, 0.5});
+  rule.end_look({0.4, 0.5});
   const auto changes = rule.take_changes();
   ASSERT_EQ(changes.size(), 1u);
   EXPECT_EQ(changes[0].tile, 0);
@@ -159,12 +158,26 @@ TEST(FrameStoppingRule, AllTilesContinueIfNoPlanMeetsBound) {
   EXPECT_EQ(rule.expected_samples(), 2 * kFewPixels * 64) << "earlier than expected";
 }
 
-TEST(FrameStoppingRule, AllTilesContinueIfFewPixelsCarryError) {
-  FrameStoppingRule rule = make_rule(2);
-  start(rule, {1, 9});
-  rule.end_look(kFewPixelsOnly);
-  EXPECT_EQ(pass_counts(rule, 2), (std::vector<std::int32_t>{3, 3}));
-  EXPECT_EQ(rule.expected_samples(), 2 * kFewPixels * 64);
+TEST(FrameStoppingRule, AllStopIfTargetIsOutOfReach) {
+  for (const bool is_concentrated : {false, true}) {
+    FrameStoppingRule rule = make_rule(2, 1024);
+    start(rule, {1, 9});
+    const double bound = 4.1 * kError;  // with 256 of 1,024 samples more than fourfold is too much
+    for (std::int32_t pass = 2; pass <= 4; ++pass) {
+      rule.end_look({kError, 100 * kError, is_concentrated});
+      EXPECT_FALSE(rule.is_futile()) << "pass " << pass;
+      for (std::int32_t tile = 0; tile < 2; ++tile) rule.add(tile, pass, kNoisy);
+    }
+    ASSERT_EQ(rule.due_look(), 4);
+    FrameStoppingRule near = rule;
+    near.end_look({kError, 3.9 * kError, is_concentrated});
+    EXPECT_FALSE(near.is_futile());
+    rule.end_look({kError, bound, is_concentrated});
+    EXPECT_EQ(rule.is_futile(), is_concentrated);
+    EXPECT_FALSE(rule.due_look());
+    const std::int32_t passes = is_concentrated ? 5 : 6;
+    EXPECT_EQ(pass_counts(rule, 2), (std::vector<std::int32_t>{passes, passes}));
+  }
 }
 
 TEST(FrameStoppingRule, AllTilesGetLastPassAfterLastLook) {
@@ -229,7 +242,7 @@ TEST(FrameStoppingRule, PlanEqualsExhaustiveSearch) {
       sums.back().cautious_squares *= 1 + 30 * u01();
     }
     const double error = 0.05 + 0.2 * u01();
-    const LookResult look{false, error, std::max(error, kError) * (1.01 + u01())};
+    const LookResult look{error, std::max(error, kError) * (1.01 + u01())};
     FrameStoppingRule rule = make_rule(kTiles, 4096);
     render(rule, kTiles, 1,
            [&](std::int32_t tile, std::int32_t) { return sums[static_cast<std::size_t>(tile)]; });

@@ -77,7 +77,7 @@ TEST(Certainty, CappedOnlyIfBoundIsMissed) {
   EXPECT_EQ(claim.certainty, Certainty::uncertain);
   ASSERT_EQ(claim.reasons.size(), 2u);
   EXPECT_EQ(claim.reasons[1],
-            "the 95 % error bound is 0.11, above the target 0.1; 3 tiles reached --max-spp")
+            "the 95 % error bound is 0.11, above the target 0.1; tiles that reached --max-spp: 3")
       << "also where it is not the only reason";
 }
 
@@ -95,12 +95,12 @@ TEST(Certainty, ConcentratedErrorWithWideBoundMayConverge) {
   EXPECT_EQ(futile.certainty, Certainty::uncertain);
   ASSERT_EQ(futile.reasons.size(), 2u);
   EXPECT_EQ(futile.reasons[0],
-            "the error is concentrated in about 12 pixels, too few for a narrow confidence bound; "
+            "the error is concentrated in few pixels (effectively 12), so its bound is wide; "
             "the samples left up to --max-spp would not meet the target; "
             "without --no-guiding there is less noise where light comes through glass or narrow "
             "openings");
   EXPECT_EQ(assess_convergence(statistics, {9, 3, false}, target()).reasons[0],
-            "the error is concentrated in about 12 pixels, too few for a narrow confidence bound");
+            "the error is concentrated in few pixels (effectively 12), so its bound is wide");
 }
 
 TEST(Certainty, NamesRoundTrip) {

@@ -322,8 +322,7 @@ class ErrorFilmTest : public FilmCacheTest {
     absl::StatusOr<Targets> targets = cache.take_pass_targets(frame_key);
     while (targets.ok() && cache.is_look_due(frame_key)) {
       const ErrorEstimate raw = cache.running_estimate(frame_key);
-      cache.end_look(frame_key,
-                     {raw.error_upper95 <= *settings_.error, raw.error, raw.error_upper95});
+      cache.end_look(frame_key, {raw.error, raw.error_upper95});
       const absl::StatusOr<Targets> more = cache.take_pass_targets(frame_key);
       if (!more.ok()) return more.status();
       targets->insert(targets->end(), more->begin(), more->end());
@@ -425,7 +424,7 @@ TEST_F(ErrorFilmTest, FixedCountHasNoPassTargets) {
 }
 
 TEST_F(ErrorFilmTest, DenoisedFrameWaitsForItsLook) {
-  const contract::FrameStoppingRule::LookResult out_of_reach{false, 5, 10};  // all tiles continue
+  const contract::FrameStoppingRule::LookResult out_of_reach{5, 10};  // all tiles continue
   settings_.denoise = true;
   FilmCache cache(kPlenty);
   open(cache);
