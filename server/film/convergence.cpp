@@ -32,8 +32,6 @@ ClaimedError::ClaimedError(const FrameStatistics& statistics)
   if (!statistics.denoised) return;
   error_upper95 = statistics.denoised->error_upper95;
   n_eff = std::min(n_eff, statistics.denoised->n_eff);
-  if (is_concentrated())
-    error_upper95 = std::max(error_upper95, statistics.estimated.error_upper95);
 }
 
 bool ClaimedError::is_concentrated() const {

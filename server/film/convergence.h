@@ -30,9 +30,7 @@ struct ConvergenceResult {
   std::vector<std::string> reasons;  // in words; empty if converged
 };
 
-/// The figures that a frame's claim is based on: those of the denoised image if there is one. If
-/// few pixels carry the error of either image, the bound is at least the raw image's, which takes
-/// their number into account.
+/// The figures that a frame's claim is based on: those of the denoised image if there is one.
 struct ClaimedError {
   double error_upper95 = 0;
   double n_eff = 0;  // the smaller one of the raw and the denoised image; 0 without error

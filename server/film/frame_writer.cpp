@@ -321,9 +321,13 @@ image::FrameDenoiser denoiser_of(const FrameSpec& spec, const PixelRect& window,
   return {window.width, window.height, spec.mean_luminance.value_or(0), planes, threads};
 }
 
-DenoisedStatistics denoised_statistics(const image::FrameDenoiser& denoiser, int looks) {
+DenoisedStatistics denoised_statistics(const image::FrameDenoiser& denoiser, int looks,
+                                       const ErrorEstimate& raw) {
   const image::DenoisedError error = denoiser.error(contract::look_quantile(looks));
-  return {error.error, error.error_upper95, error.n_eff, error.raw_share, {}};
+  DenoisedStatistics statistics = {
+      error.error, error.error_upper95, error.n_eff, error.raw_share, {}};
+  statistics.widen_bound(raw);
+  return statistics;
 }
 
 /// Writes the bands of a frame, denoised if the job asks for it.
@@ -362,7 +366,8 @@ class Output {
     result.statistics.half_overflow_count = writer_->half_overflow_count();
     result.pixels_sha256 = raw_pixels_.finish();
     if (!denoiser_) return absl::OkStatus();
-    result.statistics.denoised = denoised_statistics(*denoiser_, looks_);
+    result.statistics.denoised =
+        denoised_statistics(*denoiser_, looks_, result.statistics.estimated);
     result.statistics.denoised->raw_pixels_sha256 = result.pixels_sha256;
     result.pixels_sha256 = denoised_pixels_.finish();
     return absl::OkStatus();
@@ -399,6 +404,12 @@ absl::StatusOr<FrameResult> write_bands(const FrameSpec& spec, const TileReader&
 }
 
 }  // namespace
+
+void DenoisedStatistics::widen_bound(const ErrorEstimate& raw) {
+  const double least = std::min(n_eff, raw.n_eff);
+  if (least > 0 && least < contract::PassRule::kMinEffectivePixels)
+    error_upper95 = std::max(error_upper95, raw.error_upper95);
+}
 
 absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader& read_tile,
                                         const std::string& path) {
@@ -446,7 +457,7 @@ absl::StatusOr<FrameStatistics> measure_denoised(const FrameSpec& spec,
     if (!status.ok()) return status;
   }
   FrameStatistics statistics = assembly.gatherer.finish();
-  statistics.denoised = denoised_statistics(denoiser, spec.looks);
+  statistics.denoised = denoised_statistics(denoiser, spec.looks, statistics.estimated);
   return statistics;
 }
 

@@ -45,6 +45,10 @@ struct DenoisedStatistics {
   double n_eff = 0;                     // effective number of pixels that carry the estimate
   double raw_tile_share = 0;            // share of the denoiser's tiles that are left raw
   contract::Digest raw_pixels_sha256;   // as FrameResult::pixels_sha256, before denoising
+
+  /// If few pixels carry the error of either image, makes the bound at least the raw image's, which
+  /// takes their number into account.
+  void widen_bound(const ErrorEstimate& raw);
 };
 
 /// Statistics of a frame for the report's frames[] element.

@@ -32,13 +32,29 @@ TEST(Certainty, BoundOfDenoisedImageDecides) {
             Certainty::converged);
   statistics.denoised->error_upper95 = 0.11;
   EXPECT_EQ(assess_convergence(statistics, {9, 6, false}, target()).certainty, Certainty::capped);
-  statistics.denoised = DenoisedStatistics{0.05, 0.09, 20, 0, {}};
-  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, target()).certainty, Certainty::uncertain)
-      << "few pixels carry the error of the denoised image";
-  statistics.denoised = DenoisedStatistics{0.05, 0.09, 200, 0, {}};
-  statistics.estimated.n_eff = 20;
-  EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, target()).certainty, Certainty::uncertain)
-      << "few pixels carry the error of the raw image";
+  statistics.denoised->n_eff = 20;
+  EXPECT_EQ(assess_convergence(statistics, {9, 6, false}, target()).certainty, Certainty::uncertain)
+      << "few pixels carry the error";
+}
+
+TEST(Certainty, RawBoundCountsIfFewPixelsCarryError) {
+  for (const double denoised : {20, 200}) {
+    for (const double raw : {20, 200}) {
+      FrameStatistics statistics = good();
+      statistics.estimated.error_upper95 = 0.095;
+      statistics.estimated.n_eff = raw;
+      statistics.denoised = DenoisedStatistics{0.05, 0.06, denoised, 0, {}};
+      statistics.denoised->widen_bound(statistics.estimated);
+      const bool is_wide = denoised == 20 || raw == 20;
+      EXPECT_EQ(statistics.denoised->error_upper95, is_wide ? 0.095 : 0.06);
+      EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, target()).certainty,
+                Certainty::converged);
+      statistics.estimated.error_upper95 = 0.11;
+      statistics.denoised->widen_bound(statistics.estimated);
+      EXPECT_EQ(assess_convergence(statistics, {9, 0, false}, target()).certainty,
+                is_wide ? Certainty::uncertain : Certainty::converged);
+    }
+  }
 }
 
 TEST(Certainty, ConvergedNeedsNoContraryReason) {
