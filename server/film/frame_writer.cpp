@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "contract/index.h"
+#include "contract/stopping/pass_rule.h"
 #include "contract/tile_grid.h"
 #include "contract/version.h"
 #include "image/denoise/frame_denoiser.h"
