@@ -15,11 +15,11 @@ picture() {
   tessera render "$scenes/$scene.gltf" --output "$here/$name.jpg" --force --denoise "$@"
 }
 
-picture lens lens --size 420x210 --spp 128
+picture lens lens --size 420x210 --spp 1024
 picture motion motion --frames 12 --size 420x230 --spp 192
 picture panning motion --camera panning --frames 12 --size 420x230 --spp 192
 picture textures textures --size 480x208 --spp 64
-picture optics optics --size 360x200 --spp 96
+picture optics optics --size 360x200 --spp 512 --guiding
 picture nested nested --size 360x190 --spp 64
 picture materials materials --size 400x240 --spp 64
 picture shapes shapes --size 400x240 --spp 64
