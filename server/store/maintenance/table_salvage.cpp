@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "server/store/sqlite/database.h"
 
 namespace tessera::server {
 namespace {

@@ -7,9 +7,10 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "server/store/sqlite/database.h"
 
 namespace tessera::server {
+
+class Database;
 
 /// Copies what can be read of a table of the attached database `damaged` into the empty table of
 /// the same name in `main`.
