@@ -234,7 +234,9 @@ int run_animation(const DenoiseOptions& options, int threads) {
     absl::Status status = check_files(input, output_path(options.output, input), options.force);
     if (!status.ok()) return fail(status);
   }
-  if (::mkdir(options.output.c_str(), 0777) != 0 && errno != EEXIST) {
+  struct ::stat folder {};
+  if ((::mkdir(options.output.c_str(), 0777) != 0 && errno != EEXIST) ||
+      ::stat(options.output.c_str(), &folder) != 0 || !S_ISDIR(folder.st_mode)) {
     return fail(absl::FailedPreconditionError(
         absl::StrCat(options.output, ": cannot be created as a directory")));
   }
@@ -260,7 +262,7 @@ int run_animation(const DenoiseOptions& options, int threads) {
                absl::StrFormat("%.4g", error->error_upper95),
                absl::StrFormat("%.1f %%", 100 * error->raw_share)});
     before = std::move(frame);
-    frame = std::move(after);
+    frame = std::exchange(after, nullptr);
   }
   std::fputs(table.text().c_str(), stdout);
   return kExitDone;
