@@ -45,9 +45,9 @@ absl::Status back_up(const StoreFlags& flags) {
   return findings.status();
 }
 
-/// What it means that rows of a table of the database are lost.
-std::string meaning_of_loss(const std::string& table) {
-  static const auto& meanings = *new std::map<std::string, std::string>{
+/// Returns the consequence of lost rows for the user, by the name of their table.
+std::string consequence_of_loss(const std::string& table) {
+  static const auto& consequences = *new std::map<std::string, std::string>{
       {"jobs", "jobs are missing: submit them again"},
       {"units", "results are rendered again, in jobs that have not ended"},
       {"blocks", "results are rendered again"},
@@ -66,8 +66,8 @@ std::string meaning_of_loss(const std::string& table) {
       {"usage", "results are charged in the hour of their submission"},
       {"past_usage", "the accounts of removed jobs are too low"},
   };
-  const auto found = meanings.find(table);
-  return found == meanings.end() ? "rows are missing" : found->second;
+  const auto found = consequences.find(table);
+  return found == consequences.end() ? "rows are missing" : found->second;
 }
 
 absl::Status recover(const std::string& folder) {
@@ -76,7 +76,7 @@ absl::Status recover(const std::string& folder) {
   for (const Recovery::Table& table : recovery->tables) {
     if (table.gaps == 0) continue;
     std::printf("%s\n", absl::StrCat("lost rows of ", table.name, " (", table.rows,
-                                     " kept): ", meaning_of_loss(table.name))
+                                     " kept): ", consequence_of_loss(table.name))
                             .c_str());
   }
   if (recovery->dropped_rows > 0) {

@@ -46,8 +46,8 @@ class RawValues {
     }
   }
 
-  /// For each half its value of a pixel, but at least the darkest mean of both halves over the 3 x
-  /// 3 pixels of which it is a corner.
+  /// For each half its value of a pixel, but at least the darkest mean of both halves over nine
+  /// pixels of which it is a corner.
   std::array<double, 2> limits(std::size_t i) const {
     const std::size_t above = i - width_, below = i + width_;
     const double darkest =
@@ -64,7 +64,7 @@ class RawValues {
 /// The scales of the pixels' relative errors in one channel: their values, but at most the means
 /// around them, so that a bright outlier is not measured against itself, and at most what the raw
 /// image has there, so that light which a filter has spread into the dark is not either. Each half
-/// has its own, from its own raw values, because those of the other half measure its error.
+/// has its own scale, with its own raw value of the pixel: the other half's measures its error.
 class ReferenceValues {
  public:
   ReferenceValues(const BlendedHalf& first, const BlendedHalf& second, std::size_t channel)

@@ -9,7 +9,7 @@
 
 namespace tessera::server {
 
-/// What recover_store() has kept and lost.
+/// The result of recover_store(): rows that were kept, and places where some are lost.
 struct Recovery {
   struct Table {
     std::string name;
