@@ -61,6 +61,24 @@ class ExpiryTest : public OpenStreamsFarm {
     for (v1::WatchJobResponse response; stream->Read(&response);) state = response.job().state();
     EXPECT_EQ(state, v1::Job::STATE_DONE);
   }
+  /// Waits until the server takes back the units of the worker, a few seconds after its last
+  /// message.
+  void wait_until_lost(const std::string& worker_id) const {
+    const auto stub = v1::WorkerService::NewStub(channel("root"));
+    const auto is_lost = [&] {
+      grpc::ClientContext context;
+      prepare(context);
+      v1::ListWorkersResponse response;
+      EXPECT_TRUE(stub->ListWorkers(&context, {}, &response).ok());
+      return std::any_of(response.workers().begin(), response.workers().end(),
+                         [&](const v1::Worker& worker) {
+                           return worker.id() == worker_id &&
+                                  worker.state() == v1::Worker::STATE_LOST;
+                         });
+    };
+    for (int i = 0; i < 200 && !is_lost(); ++i) std::this_thread::sleep_for(milliseconds(100));
+    EXPECT_TRUE(is_lost()) << worker_id;
+  }
   /// Has w2 render a frame of noise for `owner`. Returns the job's id.
   std::string render_noise(const std::string& owner) const {
     EXPECT_TRUE(upload_scene(owner).ok());
@@ -128,6 +146,8 @@ TEST_F(ExpiryTest, WorkersStreamsEndInFiveSeconds) {
   open_worker_streams(*first, work, deliver);
   deliver.expect_end_after(end);
   work.expect_end_after(end);
+  // A test's worker sends no heartbeats: one that waited for these units would be lost as well.
+  wait_until_lost("one");
   const auto second = worker("w2", "two", token());
   ASSERT_TRUE(second->open());
   EXPECT_EQ(second->work(), 17) << "two passes of nine tiles, but for the one that was delivered";
