@@ -10,6 +10,7 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <cstdint>
 #include <cstdio>
 #include <fstream>
 #include <map>
@@ -157,18 +158,36 @@ bool fill_queue(const Options& options, const std::shared_ptr<grpc::Channel>& ch
   return !failed;
 }
 
-/// Reports the end of jobs until the stream is cancelled.
-void watch_events(v1::JobService::Stub& stub, grpc::ClientContext& context, OpenJobs& open) {
-  v1::WatchEventsRequest request;
-  request.set_follow(true);
+/// Reads the events of a request until the stream ends; `take` gets each of them.
+template <typename Take>
+void read_events(v1::JobService::Stub& stub, grpc::ClientContext& context,
+                 const v1::WatchEventsRequest& request, Take take) {
   const auto reader = stub.WatchEvents(&context, request);
   v1::WatchEventsResponse message;
   while (reader->Read(&message)) {
-    for (const v1::Event& event : message.events()) {
-      if (event.kind() == v1::Event::KIND_JOB_DONE) open.finished(event.job_id());
-    }
+    for (const v1::Event& event : message.events()) take(event);
   }
   reader->Finish();
+}
+
+/// Returns the sequence number of the newest event.
+std::int64_t newest_event(v1::JobService::Stub& stub, const Options& options) {
+  grpc::ClientContext context;
+  tessera::contract::prepare_call(context, options.token, std::chrono::seconds(60));
+  std::int64_t sequence = 0;
+  read_events(stub, context, {}, [&](const v1::Event& event) { sequence = event.sequence(); });
+  return sequence;
+}
+
+/// Reports the jobs that end after the event `sequence`, until the stream is cancelled.
+void watch_events(v1::JobService::Stub& stub, grpc::ClientContext& context, std::int64_t sequence,
+                  OpenJobs& open) {
+  v1::WatchEventsRequest request;
+  request.set_follow(true);
+  request.set_after_sequence(sequence);
+  read_events(stub, context, request, [&](const v1::Event& event) {
+    if (event.kind() == v1::Event::KIND_JOB_DONE) open.finished(event.job_id());
+  });
 }
 
 /// Results of all clients.
@@ -230,7 +249,10 @@ int run(const Options& options) {
   const auto events = v1::JobService::NewStub(*channel);
   grpc::ClientContext context;
   context.AddMetadata(tessera::contract::kTokenKey, options.token);
-  std::thread watcher([&] { watch_events(*events, context, open); });
+  // Read before the clients start: the events of 100,000 queued jobs would delay those of the
+  // others.
+  const std::int64_t newest = newest_event(*events, options);
+  std::thread watcher([&] { watch_events(*events, context, newest, open); });
   const Outcome outcome = run_clients(options, scene, open);
   context.TryCancel();
   watcher.join();
