@@ -68,6 +68,7 @@ void FairnessChecks::note_start(Time now) {
   holds_.clear();
   idle_.clear();
   cpu_seconds_.clear();
+  running_since_.clear();
   use_.clear();
   windows_.clear();
 }
@@ -92,6 +93,14 @@ std::vector<FairnessChecks::Grant> FairnessChecks::take_grants(const FarmView& f
   return grants;
 }
 
+/// A job may have been paused and resumed since the last step, by a full disk. It has then left the
+/// queue, and the wait of its owner starts anew.
+void FairnessChecks::note_interruption(JobKey key, const Job& job) {
+  std::optional<Time>& before = running_since_[key];
+  if (before && job.running_since != before) changed_.insert(job.spec->owner);
+  before = job.running_since;
+}
+
 /// Notes what waits, what workers hold and what owners have used. Returns the owners of whose jobs
 /// this cannot be told, because units have failed.
 std::set<std::string> FairnessChecks::observe(const FarmView& farm, Time now) {
@@ -107,6 +116,7 @@ std::set<std::string> FairnessChecks::observe(const FarmView& farm, Time now) {
     const auto [counted, is_new] = cpu_seconds_.emplace(key, job.counters.cpu_seconds);
     use.committed += (job.counters.cpu_seconds - counted->second) * scale(now);
     counted->second = job.counters.cpu_seconds;
+    note_interruption(key, job);
     for (const auto& [worker, units] : job.holders) use.leased += units * unit_seconds_;
     if (!job.is_runnable()) continue;
     if (has_failures(job)) {

@@ -79,6 +79,7 @@ class FairnessChecks {
   using Pair = std::pair<std::string, std::string>;
 
   std::vector<Grant> take_grants(const FarmView& farm, bool& is_complete);
+  void note_interruption(JobKey key, const Job& job);
   std::set<std::string> observe(const FarmView& farm, Time now);
   void check_grant(const FarmView& farm, const Grant& grant, Time now);
   void check_order(const FarmView& farm, const Grant& grant, const std::string& owner, Time now);
@@ -104,7 +105,8 @@ class FairnessChecks {
   std::set<std::pair<std::string, JobKey>> holds_;      // units of the job, now or a step before
   std::map<std::pair<std::string, JobKey>, int> idle_;  // steps
   std::map<JobKey, double> cpu_seconds_;                // counted so far
-  std::map<std::string, Use> use_;                      // by owner
+  std::map<JobKey, std::optional<Time>> running_since_;
+  std::map<std::string, Use> use_;  // by owner
   std::map<Pair, Window> windows_;
   Events events_;
   std::string violation_;
