@@ -184,7 +184,8 @@ class WindowFilter {
     return at;
   }
 
-  /// Squared difference of colours beyond what noise explains, relative to the tolerance.
+  /// Squared difference of colours beyond what noise explains, relative to the tolerance; at most
+  /// kMaxRatio.
   static Lanes ratio(const GuidePixels& at, const float* q) {
     const GuidePixels other = guide_at(q);
     Lanes squares[3];
@@ -193,7 +194,9 @@ class WindowFilter {
       squares[c] = difference * difference;
     }
     const Lanes noise = at.noise + (at.noise < other.noise ? at.noise : other.noise);
-    return (((squares[0] + squares[1]) + squares[2]) - noise) / (at.tolerance + other.tolerance);
+    const Lanes ratio =
+        (((squares[0] + squares[1]) + squares[2]) - noise) / (at.tolerance + other.tolerance);
+    return ratio < P::kMaxRatio ? ratio : Lanes{} + P::kMaxRatio;
   }
 
   /// Ratios of the kLanes pixels that begin one pixel before the first of a row.

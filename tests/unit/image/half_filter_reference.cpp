@@ -53,8 +53,10 @@ struct Weighing {
   float ratio(std::size_t p, std::size_t q) const {
     const float d0 = colour[0][p] - colour[0][q], d1 = colour[1][p] - colour[1][q],
                 d2 = colour[2][p] - colour[2][q];
-    return (((d0 * d0 + d1 * d1) + d2 * d2) - (noise[p] + std::fmin(noise[p], noise[q]))) /
-           (tolerance(p) + tolerance(q));
+    const float ratio =
+        (((d0 * d0 + d1 * d1) + d2 * d2) - (noise[p] + std::fmin(noise[p], noise[q]))) /
+        (tolerance(p) + tolerance(q));
+    return ratio < P::kMaxRatio ? ratio : P::kMaxRatio;
   }
 };
 
