@@ -20,15 +20,15 @@ picture motion motion --frames 12 --size 420x230 --spp 192
 picture panning motion --camera panning --frames 12 --size 420x230 --spp 192
 picture textures textures --size 480x208 --spp 64
 picture optics optics --size 360x200 --spp 512 --guiding
-picture nested nested --size 360x190 --spp 64
-picture materials materials --size 400x240 --spp 64
-picture shapes shapes --size 400x240 --spp 64
-picture planes planes --size 420x236 --spp 128 --background 0.45,0.62,0.9
+picture nested nested --size 360x190 --spp 256 --guiding
+picture materials materials --size 400x240 --spp 256 --guiding
+picture shapes shapes --size 400x240 --spp 256 --guiding
+picture planes planes --size 420x236 --spp 192 --background 0.45,0.62,0.9 --clamp 4
 picture lamps lamps --size 420x190 --spp 192
-picture csg csg --size 400x240 --spp 64
-picture blobs blobs --size 420x270 --spp 128
-picture fog fog --size 400x225 --spp 128
-picture flame flame --size 420x236 --spp 176
+picture csg csg --size 400x240 --spp 256 --guiding
+picture blobs blobs --size 420x270 --spp 256 --guiding
+picture fog fog --size 400x225 --spp 512
+picture flame flame --size 420x236 --spp 512
 picture underwater underwater --size 420x236 --spp 144 --clamp 3
 picture terrain terrain --size 400x225 --spp 64
 picture course course --size 640x360 --spp 64
