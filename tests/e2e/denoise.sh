@@ -32,6 +32,16 @@ say "three workers and one give the same denoised pixels"
 
 tessera compare "$work/later.exr" "$work/one.exr" --fail-above largest=0 >/dev/null
 grep -q error_upper95 "$work/later.txt" || fail "tessera denoise does not print the bound"
+tessera denoise "$work/layers.exr" -o "$work/later.exr" --force --json >"$work/denoise.json"
+check_schema <"$work/denoise.json" || fail "denoise --json does not match its schema"
+python3 - "$work" <<'EOF'
+import json, sys
+read = lambda name: json.load(open(f"{sys.argv[1]}/{name}.json"))["frames"][0]
+later, one = read("denoise"), read("one")["denoised"]
+assert later["output"] == f"{sys.argv[1]}/later.exr" and later["frame"] == 0
+for key in ("error_denoised", "error_denoised_upper95", "n_eff", "raw_tile_share"):
+    assert later[key] == one[key], f"{key}: {later[key]}, and {one[key]} in the report"
+EOF
 say "tessera denoise gives the pixels of --denoise"
 
 if tessera denoise "$work/plain.exr" -o "$work/no.exr" 2>"$work/message.txt"; then

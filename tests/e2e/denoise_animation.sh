@@ -15,7 +15,9 @@ mapfile -t frames < <(find "$work/raw" -name '*.exr' | sort)
 equal "frames" "${#frames[@]}" 4
 
 tessera denoise --animation "${frames[@]}" -o "$work/one" --threads 1 >"$work/one.txt"
-tessera denoise --animation "${frames[@]}" -o "$work/three" --threads 3 >/dev/null
+tessera denoise --animation "${frames[@]}" -o "$work/three" --threads 3 --json >"$work/three.json"
+check_schema <"$work/three.json" || fail "denoise --json does not match its schema"
+equal "frames of the JSON" "$(json "$work/three.json" '[f["frame"] for f in d["frames"]]')" "10 11 12 13"
 for frame in "${frames[@]}"; do
   cmp "$work/one/$(basename "$frame")" "$work/three/$(basename "$frame")"
 done

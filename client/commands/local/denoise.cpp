@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <thread>
@@ -32,7 +33,15 @@ struct DenoiseOptions {
   std::string output;
   bool animation = false;
   int threads = 0;
-  bool force = false;
+  bool force = false, json = false;
+};
+
+/// A file that was written.
+struct DenoisedFile {
+  std::string input, output;
+  std::optional<int> frame;  // its number; nullopt if the file does not say
+  bool has_scale = false;    // errors are relative to the mean luminance, which may be unknown
+  image::DenoisedError error;
 };
 
 /// m of the frame; 0 if the file does not say.
@@ -115,6 +124,58 @@ absl::StatusOr<image::DenoisedError> write_output(const std::string& output, con
   return error;
 }
 
+/// The frame's number; nullopt if the file does not say.
+std::optional<int> frame_number(const image::ExrHeader& header) {
+  for (const auto& [name, value] : header.numbers) {
+    if (name == "tessera:frame") return value;
+  }
+  return std::nullopt;
+}
+
+nlohmann::ordered_json document_of(const std::vector<DenoisedFile>& files) {
+  nlohmann::ordered_json frames = nlohmann::ordered_json::array();
+  for (const DenoisedFile& file : files) {
+    const auto if_scaled = [&file](double value) {
+      return file.has_scale ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+    };
+    frames.push_back({{"input", file.input},
+                      {"output", file.output},
+                      {"frame", nullptr},
+                      {"error_denoised", if_scaled(file.error.error)},
+                      {"error_denoised_upper95", if_scaled(file.error.error_upper95)},
+                      {"n_eff", if_scaled(file.error.n_eff)},
+                      {"raw_tile_share", file.error.raw_share}});
+    if (file.frame) frames.back()["frame"] = *file.frame;
+  }
+  return {{"schema", "tessera.denoise/1"}, {"frames", std::move(frames)}};
+}
+
+/// A line for each frame of an animation, or a list for a single file.
+std::string text_of(const std::vector<DenoisedFile>& files, bool animation) {
+  if (!animation) {
+    const image::DenoisedError& error = files.front().error;
+    Table table({"error", absl::StrFormat("%.4g", error.error)});
+    table.add({"error_upper95", absl::StrFormat("%.4g", error.error_upper95)});
+    table.add({"left raw", absl::StrFormat("%.1f %%", 100 * error.raw_share)});
+    return table.text();
+  }
+  Table table({"frame", "error", "error_upper95", "left raw"});
+  for (const DenoisedFile& file : files) {
+    table.add({file.frame ? absl::StrCat(*file.frame) : "-",
+               absl::StrFormat("%.4g", file.error.error),
+               absl::StrFormat("%.4g", file.error.error_upper95),
+               absl::StrFormat("%.1f %%", 100 * file.error.raw_share)});
+  }
+  return table.text();
+}
+
+int print_files(const DenoiseOptions& options, const std::vector<DenoisedFile>& files) {
+  const std::string text =
+      options.json ? document_of(files).dump(2) + "\n" : text_of(files, options.animation);
+  std::fputs(text.c_str(), stdout);
+  return kExitDone;
+}
+
 int run_single(const DenoiseOptions& options, int threads) {
   const std::string& input = options.inputs.front();
   absl::Status status = check_files(input, options.output, options.force);
@@ -128,11 +189,9 @@ int run_single(const DenoiseOptions& options, int threads) {
   const auto error = write_output(
       options.output, [&](const std::string& part) { return denoise_to(**reader, threads, part); });
   if (!error.ok()) return fail(error.status());
-  Table table({"error", absl::StrFormat("%.4g", error->error)});
-  table.add({"error_upper95", absl::StrFormat("%.4g", error->error_upper95)});
-  table.add({"left raw", absl::StrFormat("%.1f %%", 100 * error->raw_share)});
-  std::fputs(table.text().c_str(), stdout);
-  return kExitDone;
+  const image::ExrHeader& header = (*reader)->header();
+  return print_files(
+      options, {{input, options.output, frame_number(header), mean_luminance(header) > 0, *error}});
 }
 
 /// A frame of an animation in memory.
@@ -142,14 +201,6 @@ struct LoadedFrame {
   std::vector<image::ExrPlane> planes;
   std::optional<image::AnimationFrame> frame;
 };
-
-/// The frame's number; nullopt if the file does not say.
-std::optional<int> frame_number(const image::ExrHeader& header) {
-  for (const auto& [name, value] : header.numbers) {
-    if (name == "tessera:frame") return value;
-  }
-  return std::nullopt;
-}
 
 absl::StatusOr<std::unique_ptr<LoadedFrame>> load_frame(const std::string& path, int threads) {
   auto reader = image::ExrReader::open(path);
@@ -240,7 +291,7 @@ int run_animation(const DenoiseOptions& options, int threads) {
     return fail(absl::FailedPreconditionError(
         absl::StrCat(options.output, ": cannot be created as a directory")));
   }
-  Table table({"frame", "error", "error_upper95", "left raw"});
+  std::vector<DenoisedFile> files;
   std::unique_ptr<LoadedFrame> before, frame, after;
   for (std::size_t i = 0; i < options.inputs.size(); ++i) {
     for (const std::size_t next : {i, i + 1}) {
@@ -252,20 +303,17 @@ int run_animation(const DenoiseOptions& options, int threads) {
     if (after != nullptr) {
       if (absl::Status status = check_order(*frame, *after); !status.ok()) return fail(status);
     }
-    const auto error =
-        write_output(output_path(options.output, frame->path), [&](const std::string& part) {
-          return denoise_frame(*frame, before.get(), after.get(), threads, part);
-        });
+    const std::string output = output_path(options.output, frame->path);
+    const auto error = write_output(output, [&](const std::string& part) {
+      return denoise_frame(*frame, before.get(), after.get(), threads, part);
+    });
     if (!error.ok()) return fail(error.status());
-    const std::optional<int> number = frame_number(frame->header);
-    table.add({number ? absl::StrCat(*number) : "-", absl::StrFormat("%.4g", error->error),
-               absl::StrFormat("%.4g", error->error_upper95),
-               absl::StrFormat("%.1f %%", 100 * error->raw_share)});
+    files.push_back({frame->path, output, frame_number(frame->header),
+                     mean_luminance(frame->header) > 0, *error});
     before = std::move(frame);
     frame = std::exchange(after, nullptr);
   }
-  std::fputs(table.text().c_str(), stdout);
-  return kExitDone;
+  return print_files(options, files);
 }
 
 int run(const DenoiseOptions& options) {
@@ -300,6 +348,7 @@ void add_denoise_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--threads", options->threads, "Threads (default: all cores)")
       ->check(CLI::Range(1, 1024));
   command->add_flag("--force", options->force, "Overwrite an existing file");
+  command->add_flag("--json", options->json, "Print JSON (tessera.denoise/1)");
   command->footer(
       "Any number of threads gives the same bits. Without --animation, the output equals that of\n"
       "`render --denoise` bit for bit.\n"
