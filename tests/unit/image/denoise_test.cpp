@@ -340,6 +340,31 @@ TEST(FrameDenoiser, EmptyPixelsStayEmpty) {
   }
 }
 
+/// The regression on albedo continues the slope of the bright side into the dark one.
+TEST(FrameDenoiser, DenoisedImageIsNowhereNegative) {
+  // Stripes of 8 pixels, in which albedo rises from 0 to 1 and light only begins in the middle.
+  const Truth truth{[](int x, int) { return static_cast<float>(std::max(x % 8 - 4, 0)); },
+                    [](int x, int) { return static_cast<float>(x % 8) / 7; }};
+  NoisyFrame frame(64, 64, truth, 0, 9);
+  std::mt19937 random(10);
+  for (std::size_t i = 0; i < frame.planes[0].values.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      float mean = 0;
+      for (std::size_t r = 0; r < 4; ++r) {
+        float& value = frame.planes[4 + 11 * r + c].values[i];
+        value *= random() % 8 == 0 ? 8.0f : 0.0f;  // rare light
+        mean += value / 4;
+      }
+      frame.planes[c].values[i] = mean;
+    }
+  }
+  const std::vector<ExrPlane> output = denoise(frame, 64, 1);
+  for (std::size_t c = 0; c < 3; ++c) {
+    const std::vector<float>& values = output[c].values;
+    EXPECT_GE(*std::min_element(values.begin(), values.end()), 0) << output[c].name;
+  }
+}
+
 /// Both replicates of a half agree on the outlier, so they do not show that it is noise.
 TEST(FrameDenoiser, SingleOutlierIsSpread) {
   constexpr std::size_t kPixel = 32 * 64 + 32;
