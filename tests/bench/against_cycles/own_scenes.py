@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Writes the project's own scenes of the comparison: some of tests/bench/coverage and tests/bench/guiding, the
-quick start, and four more.
+quick start, and five more.
 
     own_scenes.py FOLDER     writes FOLDER/NAME.gltf for each scene, and FOLDER/sky.hdr
 """
 
 import sys
 from pathlib import Path
+from random import Random
 
 TESTS = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(TESTS / "bench/guiding"))
@@ -77,10 +78,35 @@ def focus():
     return gltf
 
 
+def lamp_rooms():
+    """350 lamps in 25 rooms of 4 x 4 m with doors, seen from the room in the middle."""
+    gltf = Gltf()
+    random = Random(350)
+    white = gltf.add("materials", plain(0.7, 0.68, 0.65))
+    ball = gltf.mesh(sphere(0.5, 24), gltf.add("materials", plain(0.6, 0.3, 0.2)))
+    for y, up in ((0, -1), (3, 1)):  # floor and ceiling
+        gltf.node(mesh=gltf.mesh(quad((-10, y, -10 * up), (20, 0, 0), (0, 0, 20 * up)), white))
+    for k in range(6):
+        at = -10 + 4 * k
+        doors = range(5) if 0 < k < 5 else ()
+        ends = [-10] + [x for room in doors for x in (-8.5 + 4 * room, -7.5 + 4 * room)] + [10]
+        for start, end in zip(ends[::2], ends[1::2]):
+            gltf.node(mesh=gltf.mesh(quad((start, 0, at), (end - start, 0, 0), (0, 3, 0)), white))
+            gltf.node(mesh=gltf.mesh(quad((at, 0, start), (0, 0, end - start), (0, 3, 0)), white))
+    for room in range(25):
+        x, z = -8 + 4 * (room % 5), -8 + 4 * (room // 5)
+        gltf.node(mesh=ball, translation=[x + random.uniform(-1, 1), 0.5, z + random.uniform(-1.2, -0.6)])
+        for _ in range(14):
+            lamp(gltf, random.uniform(5, 50), (x + random.uniform(-1.8, 1.8), random.uniform(2, 2.9),
+                                                         z + random.uniform(-1.8, 1.8)), 0.12)
+    camera(gltf, (0.2, 1.5, 1.9), (0, 1.2, -2), 0.9)
+    return gltf
+
+
 OWN = (make_scenes.furnace, make_scenes.cornell, make_scenes.penumbra, make_scenes.small_lamp, make_scenes.many_lamps,
        make_scenes.points, make_scenes.foliage, make_scenes.checker, make_scenes.glossy, make_scenes.glint,
        make_scenes.window, make_scenes.caustic, guiding_scenes.window_sky, quickstart, glass_box, sky_balls, mosaic_room,
-       focus)
+       focus, lamp_rooms)
 
 
 def write(folder):

@@ -188,6 +188,50 @@ def glint():
     return gltf
 
 
+def lens():
+    """A thin lens that shows small lamps far behind as bright discs on a dark ground."""
+    gltf = Gltf()
+    gltf.use("TESSERA_camera")
+    floor(gltf, gltf.add("materials", plain(0.35, 0.22, 0.14)))
+    for k, color in enumerate(((0.8, 0.2, 0.15), (0.85, 0.65, 0.2), (0.25, 0.6, 0.3))):
+        gltf.node(mesh=gltf.mesh(sphere(0.35, 24), gltf.add("materials", plain(*color))),
+                  translation=[-0.9 + 0.8 * k, 0.35, 1.4 - 1.5 * k])
+    gltf.node(mesh=gltf.mesh(quad((-6, -1, -6), (12, 0, 0), (0, 6, 0)),
+                             gltf.add("materials", plain(0.02, 0.02, 0.04))))
+    ball = gltf.mesh(sphere(0.05, 8), gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 0.8, 0.5], extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": 60}})))
+    for k in range(5):
+        gltf.node(mesh=ball, translation=[-2.4 + 1.2 * k, 1.2 + 0.4 * (k % 2), -5])
+    lamp(gltf, 20, (0.5, 3.5, 1), 1)
+    camera(gltf, (0, 1.1, 5), (0, 0.6, 0), 0.5)
+    gltf.doc["cameras"][0]["extensions"] = {"TESSERA_camera": {
+        "lens": {"fNumber": 0.4, "sensorHeight": 0.05, "focusDistance": 4.9}}}
+    return gltf
+
+
+def motion_blur():
+    """A ball and a small lamp that move while the shutter is open."""
+    gltf = Gltf()
+    gltf.use("TESSERA_camera", "KHR_materials_emissive_strength")
+    grey = gltf.add("materials", plain(0.5, 0.5, 0.5))
+    floor(gltf, grey)
+    gltf.node(mesh=gltf.mesh(quad((-4, 0, -2), (8, 0, 0), (0, 4, 0)), grey))
+    spark = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 0.7, 0.35], extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": 200}}))
+    tracks = ((gltf.node(mesh=gltf.mesh(sphere(0.06, 8), spark)), [[-1, 0.9, 0.4], [0.2, 1.3, 0.4]]),
+              (gltf.node(mesh=gltf.mesh(sphere(0.4, 24), gltf.add("materials", plain(0.7, 0.3, 0.2)))),
+               [[0.9, 0.4, 0.3], [0.3, 0.4, 0.3]]))
+    lamp(gltf, 6, (0, 3, -0.5), 1)
+    times = gltf.floats([[0.0], [1.0]], "SCALAR", bounds=True, target=None)
+    samplers = [{"input": times, "output": gltf.floats(places, "VEC3", target=None)} for _, places in tracks]
+    channels = [{"sampler": k, "target": {"node": node, "path": "translation"}}
+                for k, (node, _) in enumerate(tracks)]
+    gltf.add("animations", {"samplers": samplers, "channels": channels})
+    camera(gltf, (0, 1.8, 4), (0, 0.5, 0), 0.7)
+    gltf.doc["cameras"][0]["extensions"] = {"TESSERA_camera": {"shutter": {"open": 0, "close": 1}}}
+    return gltf
+
+
 # scene: target error, well-behaved, further options
 BATTERY = {
     furnace: (0.06, True, []),
@@ -199,6 +243,8 @@ BATTERY = {
     foliage: (0.15, True, []),
     points: (0.1, True, ["--max-depth", "3"]),
     glossy: (0.1, True, []),
+    motion_blur: (0.15, True, []),
+    lens: (0.2, False, ["--max-spp", "1024", "--reference-spp", "16384"]),
     glint: (0.2, False, ["--max-spp", "256"]),
     caustic: (0.3, False, ["--max-spp", "256", "--reference-spp", "16384"]),
     caged_lamp: (0.5, False, ["--max-spp", "256", "--reference-spp", "16384"]),
