@@ -171,32 +171,36 @@ class WindowFilter {
  private:
   using Rows = PlaneRows;
 
-  /// Guide colour, noise and tolerance of kLanes neighbouring pixels.
+  /// Guide colour, its square, noise and tolerance of kLanes neighbouring pixels.
   struct GuidePixels {
-    Lanes colour[3], noise, tolerance;
+    Lanes colour[3], square, noise, tolerance;
   };
+
+  static Lanes square_of(const Lanes (&colour)[3]) {
+    return (colour[0] * colour[0] + colour[1] * colour[1]) + colour[2] * colour[2];
+  }
 
   static GuidePixels guide_at(const float* p) {
     GuidePixels at;
     for (std::size_t c = 0; c < 3; ++c) at.colour[c] = load_plane(p, Rows::kColour + c);
+    at.square = square_of(at.colour);
     at.noise = load_plane(p, Rows::kNoise);
     at.tolerance = load_plane(p, Rows::kTolerance);
     return at;
   }
 
   /// Squared difference of colours beyond what noise explains, relative to the tolerance; at most
-  /// kMaxRatio.
+  /// kMaxRatio if the contrast is small.
   static Lanes ratio(const GuidePixels& at, const float* q) {
     const GuidePixels other = guide_at(q);
-    Lanes squares[3];
-    for (std::size_t c = 0; c < 3; ++c) {
-      const Lanes difference = at.colour[c] - other.colour[c];
-      squares[c] = difference * difference;
-    }
+    Lanes difference[3];
+    for (std::size_t c = 0; c < 3; ++c) difference[c] = at.colour[c] - other.colour[c];
+    const Lanes square = square_of(difference);
     const Lanes noise = at.noise + (at.noise < other.noise ? at.noise : other.noise);
-    const Lanes ratio =
-        (((squares[0] + squares[1]) + squares[2]) - noise) / (at.tolerance + other.tolerance);
-    return ratio < P::kMaxRatio ? ratio : Lanes{} + P::kMaxRatio;
+    const Lanes ratio = (square - noise) / (at.tolerance + other.tolerance);
+    const Lanes darker = at.square < other.square ? at.square : other.square;
+    const Lanes limited = ratio < P::kMaxRatio ? ratio : Lanes{} + P::kMaxRatio;
+    return square <= P::kMaxContrast * darker ? limited : ratio;
   }
 
   /// Ratios of the kLanes pixels that begin one pixel before the first of a row.

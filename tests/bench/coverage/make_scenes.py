@@ -243,7 +243,7 @@ BATTERY = {
     foliage: (0.15, True, []),
     points: (0.1, True, ["--max-depth", "3"]),
     glossy: (0.1, True, []),
-    motion_blur: (0.15, True, []),
+    motion_blur: (0.15, False, []),
     lens: (0.2, False, ["--max-spp", "1024", "--reference-spp", "16384"]),
     glint: (0.2, False, ["--max-spp", "256"]),
     caustic: (0.3, False, ["--max-spp", "256", "--reference-spp", "16384"]),

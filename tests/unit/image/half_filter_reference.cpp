@@ -51,13 +51,16 @@ struct Weighing {
     return (per_noise * noise[i] + per_square * square) + P::kMinSquare;
   }
   float ratio(std::size_t p, std::size_t q) const {
-    const float d0 = colour[0][p] - colour[0][q], d1 = colour[1][p] - colour[1][q],
-                d2 = colour[2][p] - colour[2][q];
+    const float difference[3] = {colour[0][p] - colour[0][q], colour[1][p] - colour[1][q],
+                                 colour[2][p] - colour[2][q]};
+    const float square = square_of(difference[0], difference[1], difference[2]);
     const float ratio =
-        (((d0 * d0 + d1 * d1) + d2 * d2) - (noise[p] + std::fmin(noise[p], noise[q]))) /
-        (tolerance(p) + tolerance(q));
-    return ratio < P::kMaxRatio ? ratio : P::kMaxRatio;
+        (square - (noise[p] + std::fmin(noise[p], noise[q]))) / (tolerance(p) + tolerance(q));
+    const float darker = std::fmin(square_of(colour[0][p], colour[1][p], colour[2][p]),
+                                   square_of(colour[0][q], colour[1][q], colour[2][q]));
+    return square <= P::kMaxContrast * darker && !(ratio < P::kMaxRatio) ? P::kMaxRatio : ratio;
   }
+  static float square_of(float r, float g, float b) { return (r * r + g * g) + b * b; }
 };
 
 float patch_distance(const Pixels& pixels, const Weighing& guide, int x, int y, int dx, int dy) {
