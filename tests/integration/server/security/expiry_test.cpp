@@ -70,11 +70,10 @@ class ExpiryTest : public OpenStreamsFarm {
       prepare(context);
       v1::ListWorkersResponse response;
       EXPECT_TRUE(stub->ListWorkers(&context, {}, &response).ok());
-      return std::any_of(response.workers().begin(), response.workers().end(),
-                         [&](const v1::Worker& worker) {
-                           return worker.id() == worker_id &&
-                                  worker.state() == v1::Worker::STATE_LOST;
-                         });
+      return std::any_of(
+          response.workers().begin(), response.workers().end(), [&](const v1::Worker& worker) {
+            return worker.id() == worker_id && worker.state() == v1::Worker::STATE_LOST;
+          });
     };
     for (int i = 0; i < 200 && !is_lost(); ++i) std::this_thread::sleep_for(milliseconds(100));
     EXPECT_TRUE(is_lost()) << worker_id;
