@@ -3,6 +3,7 @@
 // share the seeds, so that ctest runs them side by side.
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 
@@ -69,6 +70,13 @@ TEST_P(ServerSimulation, InvariantsHoldForAllSeeds) {
   EXPECT_LE(sum.doubted_frames, 1 + sum.quarantines / 20) << "nearly all frames are audited";
   if (count < 50) return;
   for (const auto field : kCounts) EXPECT_GT(sum.*field, 0) << "every kind of fault takes place";
+}
+
+/// Each of these found a fault of the server or of the simulation.
+TEST(ServerSimulationTest, FormerFailuresPass) {
+  for (const std::uint64_t seed : {502'797, 504'193, 511'551, 512'356}) {
+    EXPECT_EQ(SimulatedServer(seed).run(), "") << "seed " << seed;
+  }
 }
 
 }  // namespace
