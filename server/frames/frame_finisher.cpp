@@ -296,7 +296,7 @@ void FrameFinisher::note_finished(const FrameKey& key, const FinishedFrame& fram
   film.open_block_index(*job).erase(key.frame);
   change.log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " finished"));
   change.scheduler().results().finish_frame(*job, key.frame, change.now());
-  // A unit that was merged after finish() has opened the film again.
+  // A unit that is merged after finish() opens the film again.
   if (films_.cache().is_open(key) || !tasks_.keys(key, key).empty())
     tasks_.post(key, [this, key] { close(key); });
 }

@@ -10,8 +10,9 @@ struct FilterParameters {
   static constexpr float kGuideTolerance = 1e-4f, kFilterTolerance = 1e-3f;  // of squared colour
   static constexpr float kMinSquare = 1e-9f;
   /// A pixel adds at most 1 to the distance of two patches of 3 x 3 pixels, so that a patch whose
-  /// centre has met a rare path in both streams is still averaged. But not where the squares of the
-  /// colours differ by more than kMaxContrast times the darker one, as beside a small lamp.
+  /// centre has met a rare path in both streams is still averaged. Not where the squared difference
+  /// of the colours exceeds kMaxContrast times the square of the darker one, as beside a small
+  /// lamp.
   static constexpr float kMaxRatio = 9, kMaxContrast = 16;
   static constexpr float kAlbedoSquare = 0.01f, kNormalSquare = 0.05f, kDepthSquare = 0.01f;
   static constexpr float kSpikeFactor = 2, kMaxSpikes = 2;  // spike_limit.h
