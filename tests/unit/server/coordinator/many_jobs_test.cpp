@@ -50,7 +50,7 @@ TEST_F(ManyJobs, TicksDoNotVisitThem) {
 
 /// CPU time that a thread has used, in seconds.
 double cpu_seconds(pthread_t thread) {
-  clockid_t clock;
+  clockid_t clock{};
   timespec time{};
   if (pthread_getcpuclockid(thread, &clock) != 0 || clock_gettime(clock, &time) != 0) return 0;
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
