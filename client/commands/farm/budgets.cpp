@@ -4,6 +4,7 @@
 #include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -45,8 +46,10 @@ auto value_of(const Names& names, const std::string& text) {
 }
 
 struct BudgetOptions {
-  std::string owner, project, period = "ever", action = "stop";
-  double cpu_hours = 0, warning_fraction = 0.8;
+  std::string owner, project;
+  // Of `set`: absent options keep the budget's values.
+  std::optional<std::string> period, action;
+  std::optional<double> cpu_hours, warning_fraction;
 
   v1::Budget::Scope scope() const {
     return owner.empty() ? v1::Budget::SCOPE_PROJECT : v1::Budget::SCOPE_OWNER;
@@ -81,30 +84,54 @@ int run_list(bool json, const Connection& connection) {
     std::printf("%s\n", document.dump(2).c_str());
     return kExitDone;
   }
-  Table table({"ACCOUNT", "CPU HOURS", "USED", "PERIOD", "WHEN USED UP"});
+  Table table({"ACCOUNT", "CPU HOURS", "USED", "PERIOD", "WARN AT", "WHEN USED UP"});
   for (const v1::Budget& budget : *budgets) {
     table.add({account_of(budget), absl::StrFormat("%.6g", budget.cpu_seconds() / kHour),
                format_share(budget.used_cpu_seconds(), budget.cpu_seconds()),
-               name_of(kPeriods, budget.period()), name_of(kActions, budget.action())});
+               name_of(kPeriods, budget.period()),
+               absl::StrFormat("%.4g", budget.warning_fraction()),
+               name_of(kActions, budget.action())});
   }
   std::fputs(table.text().c_str(), stdout);
   return kExitDone;
 }
 
-int run_set(const BudgetOptions& options, const Connection& connection) {
-  const auto client = FarmClient::connect(connection);
-  if (!client.ok()) return fail(client.status());
+/// Returns the account's budget, or one with the defaults and no CPU time if it has none.
+absl::StatusOr<v1::Budget> current_budget(FarmClient& client, const BudgetOptions& options) {
+  const auto budgets = client.list_budgets();
+  if (!budgets.ok()) return budgets.status();
+  for (const v1::Budget& budget : *budgets) {
+    if (budget.scope() == options.scope() && budget.name() == options.name()) return budget;
+  }
   v1::Budget budget;
   budget.set_scope(options.scope());
   budget.set_name(options.name());
-  budget.set_cpu_seconds(options.cpu_hours * kHour);
-  budget.set_period(value_of(kPeriods, options.period));
-  budget.set_action(value_of(kActions, options.action));
-  budget.set_warning_fraction(options.warning_fraction);
-  const auto set = (*client)->set_budget(budget);
+  budget.set_period(v1::Budget::PERIOD_EVER);
+  budget.set_action(v1::Budget::ACTION_STOP);
+  budget.set_warning_fraction(0.8);
+  return budget;
+}
+
+int run_set(const BudgetOptions& options, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  auto budget = current_budget(**client, options);
+  if (!budget.ok()) return fail(budget.status());
+  if (options.cpu_hours) budget->set_cpu_seconds(*options.cpu_hours * kHour);
+  if (options.period) budget->set_period(value_of(kPeriods, *options.period));
+  if (options.action) budget->set_action(value_of(kActions, *options.action));
+  if (options.warning_fraction) budget->set_warning_fraction(*options.warning_fraction);
+  if (budget->cpu_seconds() == 0) {
+    return fail(absl::InvalidArgumentError(
+        absl::StrCat(account_of(*budget), " has no budget yet: give --cpu-hours")));
+  }
+  const auto set = (*client)->set_budget(*budget);
   if (!set.ok()) return fail(set.status());
-  std::printf("%s: %.6g CPU hours, %s used\n", account_of(*set).c_str(), set->cpu_seconds() / kHour,
-              format_share(set->used_cpu_seconds(), set->cpu_seconds()).c_str());
+  std::printf("%s: %.6g CPU hours, %s used; period: %s, warn at %.4g, when used up: %s\n",
+              account_of(*set).c_str(), set->cpu_seconds() / kHour,
+              format_share(set->used_cpu_seconds(), set->cpu_seconds()).c_str(),
+              name_of(kPeriods, set->period()).c_str(), set->warning_fraction(),
+              name_of(kActions, set->action()).c_str());
   return kExitDone;
 }
 
@@ -134,25 +161,21 @@ CLI::App* add_command(CLI::App& command, Invocation& invocation, const char* nam
 }
 
 void add_set_options(CLI::App& command, BudgetOptions& options) {
-  command.add_option("--cpu-hours", options.cpu_hours, "CPU hours per period")
+  command.add_option("--cpu-hours", options.cpu_hours, "CPU hours per period (required if new)")
       ->check(cli::finite_range(1e-6, 1e11))
-      ->type_name("HOURS")
-      ->required();
-  command.add_option("--period", options.period, "Period of the budget, in UTC")
-      ->check(CLI::IsMember({"ever", "day", "week", "month"}))
-      ->capture_default_str();
+      ->type_name("HOURS");
+  command.add_option("--period", options.period, "Period of the budget, in UTC (new: ever)")
+      ->check(CLI::IsMember({"ever", "day", "week", "month"}));
   command
       .add_option(
           "--when-used-up", options.action,
           "Action when the budget is used up: only warn, or stop leasing units; leased units "
-          "are finished")
-      ->check(CLI::IsMember({"warn", "stop"}))
-      ->capture_default_str();
+          "are finished (new: stop)")
+      ->check(CLI::IsMember({"warn", "stop"}));
   command
       .add_option("--warn-at", options.warning_fraction,
-                  "Used fraction of the budget at which to warn")
-      ->check(cli::finite_range(0.01, 1.0))
-      ->capture_default_str();
+                  "Used fraction of the budget at which to warn (new: 0.8)")
+      ->check(cli::finite_range(0.01, 1.0));
 }
 
 }  // namespace
@@ -168,10 +191,12 @@ void add_budgets_command(CLI::App& app, Invocation& invocation) {
                               to_set, run_set);
   add_set_options(*set, *to_set);
   set->footer(
+      "Options that are not given keep their values, or have the defaults of a new budget.\n"
       "CPU time used earlier in the period counts as well. Events report when the fraction\n"
       "--warn-at is used, and when the whole budget is used up.\n"
       "Examples:\n  tessera budgets set --owner ann --cpu-hours 500 --period month\n"
-      "  tessera budgets set --project film --cpu-hours 20000 --when-used-up warn");
+      "  tessera budgets set --project film --cpu-hours 20000 --when-used-up warn\n"
+      "  tessera budgets set --owner ann --cpu-hours 800");
   add_command(*command, invocation, "remove", "Remove a budget", std::make_shared<BudgetOptions>(),
               run_remove)
       ->footer("Example:\n  tessera budgets remove --owner ann");
