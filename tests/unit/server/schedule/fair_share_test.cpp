@@ -161,9 +161,9 @@ TEST(FairShare, TwentyTenantsGetTheirShares) {
   }
   farm.farm.scheduler.dispatcher().dispatch_all(farm.farm.now);
   farm.run(2h, cost);
-  for (const auto& [owner, seconds] : farm.spent) {
+  for (const auto& [owner, unit_seconds] : cost) {
     const double share = policy.share.weights[owner] / weights;
-    EXPECT_NEAR(seconds / farm.total() / share, 1, 0.05) << owner;
+    EXPECT_NEAR(farm.spent[owner] / farm.total() / share, 1, 0.05) << owner;
   }
 }
 
