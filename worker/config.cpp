@@ -128,9 +128,11 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
   add_server_options(app, flags);
   add_resource_options(app, flags);
   agent::AgentOptions& options = flags.options;
-  app.add_option("--id", options.worker_id,
-                 "Persistent worker ID; after a restart the server reclaims the previous process's "
-                 "units immediately (default: random)");
+  app.add_option(
+      "--id", options.worker_id,
+      "Persistent worker ID: pool, bans and other decisions about the worker outlast its "
+      "restart, and the server reclaims the previous process's units immediately "
+      "(default: random, kept in the cache directory for the next worker of the host)");
   app.add_option("--name", options.name, "Display name (default: the host name)");
   app.add_option("--tags", options.tags, "Comma-separated tags, for `submit --require-tag`")
       ->delimiter(',');

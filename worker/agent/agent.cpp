@@ -10,7 +10,6 @@
 #include <cstring>
 #include <memory>
 #include <optional>
-#include <random>
 #include <thread>
 #include <utility>
 
@@ -28,6 +27,7 @@
 #include "worker/agent/signal_handler.h"
 #include "worker/agent/supervisor/renderer_supervisor.h"
 #include "worker/agent/units/agent_metrics.h"
+#include "worker/agent/worker_id.h"
 #include "worker/renderer/renderer.h"
 
 namespace tessera::agent {
@@ -43,14 +43,6 @@ std::string host_name() {
   std::array<char, 256> name{};
   if (::gethostname(name.data(), name.size() - 1) != 0) return "unknown";
   return name.data();
-}
-
-std::string random_id() {
-  std::random_device random;
-  std::string id = "w-";
-  constexpr std::array<char, 17> kDigits = {"0123456789abcdef"};
-  for (int i = 0; i < 16; ++i) id += kDigits[random() % 16];
-  return id;
 }
 
 /// Raises the soft limit of open descriptors: a scene may have more files than it allows.
@@ -415,7 +407,6 @@ class Agent {
 absl::Status run_agent(const AgentOptions& given) {
   AgentOptions options = given;
   raise_descriptor_limit();
-  if (options.worker_id.empty()) options.worker_id = random_id();
   if (options.name.empty()) options.name = host_name();
   auto cache = AssetCache::open(options.cache_folder, options.cache_bytes);
   if (!cache.ok()) return cache.status();
@@ -427,6 +418,11 @@ absl::Status run_agent(const AgentOptions& given) {
   }
   auto renderer = fork_renderer(options);
   if (!renderer.ok()) return renderer.status();
+  WorkerId claimed;  // after the fork
+  if (options.worker_id.empty()) {
+    claimed = claim_worker_id(options.cache_folder, host_name());
+    options.worker_id = claimed.id;
+  }
   SignalHandler::block_signals();
   auto channel = ServerChannel::open(options.server, options.certs);  // starts threads
   if (!channel.ok()) return channel.status();

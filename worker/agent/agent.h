@@ -16,7 +16,7 @@ struct AgentOptions {
   std::string server;     // unix:PATH or HOST:PORT
   std::string certs;      // directory of certificates; empty: no TLS
   std::string token;      // the server's token; with certificates, a join token
-  std::string worker_id;  // empty: random
+  std::string worker_id;  // empty: the one of an earlier worker: claim_worker_id()
   std::string name;       // display name; empty: the host name
   std::vector<std::string> tags;
   std::string pool;  // empty: the default one
