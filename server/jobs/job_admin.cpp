@@ -132,6 +132,11 @@ absl::Status JobAdmin::apply(FarmChange& change, Job& job, Change what) {
       status = scheduler.lifecycle().resume(job, change.now());
       break;
     case Change::retry:
+      if (FarmView::pause_cause(job) == PauseCause::user) {
+        return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id,
+                                                          " was paused by a user; `tessera resume ",
+                                                          job.spec->id, "` resumes it"));
+      }
       status = check_readable(*job.spec);
       status.Update(check_render_contract(*job.spec));
       status.Update(check_owners_quota(change, *job.spec, assets_use(job.spec->owner)));

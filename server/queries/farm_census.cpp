@@ -17,7 +17,7 @@ struct Census {
   std::array<std::int64_t, 3> paused_jobs{};  // by PauseCause − 1
   std::int64_t waiting = 0, blocked = 0, paused = 0, leased = 0, committed = 0;
   std::int64_t working = 0, draining = 0, quarantined = 0, set_aside = 0, disconnected = 0,
-               lost = 0, threads = 0;
+               lost = 0, left = 0, threads = 0;
 
   std::map<std::string, double> pool_waiting, pool_oldest, pool_threads;  // by pool
   std::map<std::string, double> limit_units, limit_used;                  // by limit
@@ -69,6 +69,8 @@ struct Census {
       pool_threads[worker.pool] += worker.thread_count;
     } else if (worker.quarantined) {
       ++quarantined;
+    } else if (worker.left) {
+      ++left;
     } else if (worker.lost) {
       ++lost;
     } else if (worker.connected && worker.set_aside) {
@@ -119,6 +121,7 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
   set(metrics.workers.set_aside, census.set_aside);
   set(metrics.workers.disconnected, census.disconnected);
   set(metrics.workers.lost, census.lost);
+  set(metrics.workers.left, census.left);
   set(metrics.worker_threads, census.threads);
   // A pool that has only workers, or only jobs, has all three.
   for (const auto& [pool, count] : census.pool_threads) {

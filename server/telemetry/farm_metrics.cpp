@@ -70,10 +70,10 @@ std::array<Gauge*, 6> job_gauges(Registry& registry) {
 
 FarmMetrics::Workers worker_gauges(Registry& registry) {
   Family<Gauge>& family =
-      gauges(registry, "tessera_workers", "Workers connected, or lost within the last hour");
+      gauges(registry, "tessera_workers", "Workers connected now, or within the last hour");
   const auto add = [&](const char* state) -> Gauge& { return family.Add({{"state", state}}); };
-  return {add("working"),   add("draining"),     add("quarantined"),
-          add("set_aside"), add("disconnected"), add("lost")};
+  return {add("working"),      add("draining"), add("quarantined"), add("set_aside"),
+          add("disconnected"), add("lost"),     add("left")};
 }
 
 std::array<Gauge*, 3> paused_job_gauges(Registry& registry) {

@@ -45,7 +45,7 @@ class FarmMetrics {
   } units;
   std::array<prometheus::Gauge*, 6> jobs;  // by JobState − 1
   struct Workers {
-    prometheus::Gauge &working, &draining, &quarantined, &set_aside, &disconnected, &lost;
+    prometheus::Gauge &working, &draining, &quarantined, &set_aside, &disconnected, &lost, &left;
   } workers;  // disconnected: without a stream, before the timeout
   prometheus::Gauge &worker_threads, &ingest_bytes, &film_bytes, &film_queue_length, &store_bytes;
 

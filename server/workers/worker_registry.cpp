@@ -1,5 +1,8 @@
 #include "server/workers/worker_registry.h"
 
+#include <map>
+#include <utility>
+
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 
@@ -79,6 +82,7 @@ void WorkerRegistry::carry_out(FarmChange& change, const Effects& effects) {
     change.after_unlocking([connection = connected->second.connection] { connection->wake(); });
   }
   for (const WorkerKey key : effects.to_close) close_lost(change, key);
+  for (const WorkerKey key : effects.left) note_left(change, key);
   for (const WorkerKey key : effects.to_close_unread) close_unread(change, key);
 }
 
@@ -108,6 +112,14 @@ void WorkerRegistry::close_lost(FarmChange& change, WorkerKey key) {
   change.scheduler().connections().disconnect(key);
 }
 
+/// A drained worker has disconnected.
+void WorkerRegistry::note_left(FarmChange& change, WorkerKey key) {
+  const Worker* worker = change.scheduler().workers().find(key);
+  if (worker == nullptr) return;
+  change.note(EventKind::worker_drained, worker->id, "");
+  change.log(LogLevel::info, absl::StrCat("worker ", worker->id, " has drained and left"));
+}
+
 // Reports ----------------------------------------------------------------------------------------
 
 void WorkerRegistry::record_contact(Session session) {
@@ -130,8 +142,12 @@ void WorkerRegistry::grant_credits(Session session, std::int32_t count) {
 
 void WorkerRegistry::begin_draining(Session session) {
   FarmChange change(farm_);
-  if (session_worker(change, session) == nullptr) return;
-  change.scheduler().connections().begin_draining(session.worker);
+  const Worker* worker = session_worker(change, session);
+  if (worker == nullptr) return;
+  // After an order the worker confirms what is known already.
+  if (!change.scheduler().connections().begin_draining(session.worker)) return;
+  change.note(EventKind::worker_draining, worker->id, "stopped at the worker");
+  change.log(LogLevel::info, absl::StrCat("worker ", worker->id, " is draining"));
 }
 
 void WorkerRegistry::return_units(Session session, const std::vector<UnitName>& units,
@@ -187,12 +203,31 @@ Outbox WorkerRegistry::take_outbox(Session session) {
   return worker == nullptr ? Outbox{} : std::exchange(worker->outbox, Outbox{});
 }
 
-std::vector<std::pair<Worker, double>> WorkerRegistry::list() const {
+std::vector<WorkerRegistry::Listed> WorkerRegistry::list() const {
   const FarmView view(farm_);
-  std::vector<std::pair<Worker, double>> workers;
-  for (const auto& [key, worker] : view.scheduler().workers().all()) {
+  std::vector<Listed> workers;
+  const WorkerTable& present = view.scheduler().workers();
+  for (const auto& [key, worker] : present.all()) {
     workers.emplace_back(worker, seconds(view.now() - worker.last_contact));
   }
+  std::map<std::string, Worker> absent;
+  const auto add = [&](const std::string& id) -> Worker& {
+    Worker& worker = absent[id];
+    worker.id = id;
+    worker.thread_count = 0;
+    worker.lost = true;
+    return worker;
+  };
+  for (const std::string& name : view.scheduler().quarantine().banned()) {
+    if (present.find(name) == nullptr && !present.has_witness(name)) add(name).quarantined = true;
+  }
+  for (const auto& [id, reason] : view.scheduler().orders().placement().aside()) {
+    if (present.find(id) != nullptr) continue;
+    Worker& worker = add(id);
+    worker.set_aside = true;
+    worker.note = reason;
+  }
+  for (auto& [id, worker] : absent) workers.emplace_back(std::move(worker), std::nullopt);
   return workers;
 }
 
@@ -201,7 +236,7 @@ std::vector<std::pair<Worker, double>> WorkerRegistry::list() const {
 absl::Status WorkerRegistry::drain_worker(const std::string& worker_id) {
   FarmChange change(farm_);
   if (!change.scheduler().orders().drain(worker_id)) return no_such_worker(worker_id);
-  change.note(EventKind::worker_drained, worker_id, "");
+  change.note(EventKind::worker_draining, worker_id, "requested by an operator");
   change.log(LogLevel::info, absl::StrCat("worker ", worker_id, " is draining"));
   return absl::OkStatus();
 }

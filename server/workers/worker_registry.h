@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -72,9 +73,12 @@ class WorkerRegistry final : public EffectHandler {
 
   /// Returns the messages to send now; empty if the session has ended.
   Outbox take_outbox(Session session);
-  /// Returns workers that are connected or were lost within the last hour, each with the seconds
-  /// since its last message.
-  std::vector<std::pair<Worker, double>> list() const;
+  /// A worker and the seconds since its last message; none for one that is only known by name.
+  using Listed = std::pair<Worker, std::optional<double>>;
+  /// Returns the workers that are connected or were within the last hour. Then absent ones about
+  /// which decisions remain, of which only those are known: banned IDs and witnesses, and IDs of
+  /// workers that are set aside.
+  std::vector<Listed> list() const;
 
   /// Number of open connections.
   std::size_t connection_count(const FarmView& /*farm*/) const { return connections_.size(); }
@@ -106,6 +110,7 @@ class WorkerRegistry final : public EffectHandler {
   Worker* session_worker(FarmChange& change, Session session);
   void close_lost(FarmChange& change, WorkerKey key);
   void close_unread(FarmChange& change, WorkerKey key);
+  void note_left(FarmChange& change, WorkerKey key);
   absl::Status ban_now(const std::string& worker_id);
   absl::Status allow_now(const std::string& worker_id);
 

@@ -69,6 +69,15 @@ wait_until 60 "a budget outlives the server, and the job says why it waits" says
 equal "nothing is rendered" "$(committed "$stopped")" 0
 exits 0 farm budgets set --owner local --cpu-hours 1000 --period month --when-used-up warn
 exits 0 farm watch stopped --json
+exits 0 farm budgets set --owner local --cpu-hours 2000
+says "period: month, warn at 0.8, when used up: warn"
+exits 0 farm budgets set --owner local --warn-at 0.5
+equal "values that are not given stay" "$(farm budgets --json | python3 -c '
+import json, sys
+b = json.load(sys.stdin)["budgets"][0]
+print(b["cpu_seconds"], b["period"], b["action"], b["warning_fraction"])')" "7200000.0 month warn 0.5"
+exits 2 farm budgets set --project film --period month
+says "project film has no budget yet: give --cpu-hours"
 exits 0 farm budgets remove --owner local
 exits 2 farm budgets remove --owner local
 say "a budget stops new leases until it is raised"
@@ -82,6 +91,8 @@ wait_until 60 "it is set aside over a kill of the server" worker_is w-one "set a
 equal "with the reason" "$(json "$work/workers.json" 'd["workers"][0]["note"]')" "new memory"
 equal "and renders nothing" "$(committed "$waits")" 0
 exits 0 farm workers block w-one --job waits
+exits 2 farm workers block w-nobody --job waits
+says 'no worker "w-nobody"'
 exits 0 farm workers bring-back w-one
 free=$(farm submit "$scene" "${job[@]}" --seed 5 --name free)
 exits 0 farm watch free --json

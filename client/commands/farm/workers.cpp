@@ -30,6 +30,8 @@ std::string state_name(v1::Worker::State state) {
       return "draining";
     case v1::Worker::STATE_LOST:
       return "lost";
+    case v1::Worker::STATE_LEFT:
+      return "left";
     case v1::Worker::STATE_QUARANTINED:
       return "quarantined";
     case v1::Worker::STATE_SET_ASIDE:
@@ -55,7 +57,10 @@ nlohmann::ordered_json document_of(const v1::Worker& worker) {
           {"units_committed", worker.committed_unit_count()},
           {"cpu_seconds", worker.cpu_seconds()},
           {"rss_bytes", worker.rss_bytes()},
-          {"silence_seconds", to_seconds(worker.silence())}};
+          {"silence_seconds", worker.has_silence()
+                                  ? nlohmann::ordered_json(to_seconds(worker.silence()))
+                                  : nlohmann::ordered_json()},
+          {"connected", worker.connected()}};
 }
 
 int run(const WorkersOptions& options, const Connection& connection) {
@@ -102,21 +107,30 @@ constexpr Order kOrders[] = {
      &FarmClient::bring_back_worker},
 };
 
-/// Returns the ID of the worker whose ID, ID prefix or name is `text`, or `text` itself if no
-/// listed worker matches: a banned worker may be disconnected. Errors: InvalidArgument, several
-/// match.
-absl::StatusOr<std::string> find_worker(FarmClient& client, const std::string& text) {
+/// Returns the ID of the worker whose ID, ID prefix or name is `text`. If several match, it is the
+/// one that is connected: after a restart the earlier process is listed for a while. Errors:
+/// NotFound; InvalidArgument, several match.
+absl::StatusOr<std::string> find_listed_worker(FarmClient& client, const std::string& text) {
   const auto workers = client.list_workers();
   if (!workers.ok()) return workers.status();
-  std::vector<std::string> matches;
+  std::vector<std::string> matches, connected;
   for (const v1::Worker& worker : *workers) {
     if (worker.id() == text) return text;
-    if (worker.name() == text || absl::StartsWith(worker.id(), text))
-      matches.push_back(worker.id());
+    if (worker.name() != text && !absl::StartsWith(worker.id(), text)) continue;
+    matches.push_back(worker.id());
+    if (worker.connected()) connected.push_back(worker.id());
   }
-  if (matches.size() < 2) return matches.empty() ? text : matches.front();
+  if (connected.size() == 1) return connected.front();
+  if (matches.size() == 1) return matches.front();
+  if (matches.empty()) return absl::NotFoundError(absl::StrCat("no worker \"", text, "\""));
   return absl::InvalidArgumentError(
       absl::StrCat("\"", text, "\" matches several workers: ", absl::StrJoin(matches, " ")));
+}
+
+/// Returns the same, or `text` if no listed worker matches: the server decides about it.
+absl::StatusOr<std::string> find_worker(FarmClient& client, const std::string& text) {
+  auto found = find_listed_worker(client, text);
+  return absl::IsNotFound(found.status()) ? text : found;
 }
 
 int run_order(const Order& order, const std::string& text, const Connection& connection) {
@@ -216,7 +230,9 @@ struct BlockOptions {
 int run_block(const Block& block, const BlockOptions& options, const Connection& connection) {
   const auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
-  const auto id = find_worker(**client, options.worker);
+  // The server accepts any ID, so that a worker can be blocked before it connects.
+  const auto id = block.is_blocked ? find_listed_worker(**client, options.worker)
+                                   : find_worker(**client, options.worker);
   if (!id.ok()) return fail(id.status());
   const auto job = (*client)->get_job(options.job);
   if (!job.ok()) return fail(job.status());
@@ -275,7 +291,9 @@ void add_orders(CLI::App& command, Invocation& invocation) {
 void add_workers_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<WorkersOptions>();
   CLI::App* command =
-      cli::add_command(app, "workers", "List workers connected now or within the last hour");
+      cli::add_command(app, "workers",
+                       "List workers connected now or within the last hour, and banned or "
+                       "set-aside ones");
   add_connection_options(*command, invocation.connection);
   command->add_flag("--json", options->json, "Print JSON (tessera.workers/2)");
   add_orders(*command, invocation);

@@ -27,7 +27,7 @@ WorkerKey Connections::connect(const Hello& hello, Time now) {
   worker.own_pool = hello.pool;
   placement_.place(worker);
   worker.connected = true;
-  worker.lost = worker.draining = false;
+  worker.lost = worker.draining = worker.left = false;
   worker.last_contact = now;
   worker.credits = std::max(hello.credit_count, 0);
   worker.outbox = {};
@@ -76,11 +76,12 @@ void Connections::grant_credits(WorkerKey key, std::int32_t count, Time now) {
   if (worker->is_working()) dispatcher_.dispatch(*worker, now);
 }
 
-void Connections::begin_draining(WorkerKey key) {
+bool Connections::begin_draining(WorkerKey key) {
   Worker* worker = workers_.find(key);
-  if (worker == nullptr) return;
+  if (worker == nullptr || worker->draining) return false;
   worker->draining = true;
   counts_.recount(*worker);
+  return true;
 }
 
 void Connections::return_units(WorkerKey key, const std::vector<UnitName>& units, Time now,

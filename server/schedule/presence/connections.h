@@ -46,8 +46,9 @@ class Connections {
   void heartbeat(WorkerKey key, const std::vector<UnitName>& started, std::int64_t rss_bytes,
                  Time now);
   void grant_credits(WorkerKey key, std::int32_t count, Time now);
-  /// Leases the worker nothing more; it finishes the units that it has.
-  void begin_draining(WorkerKey key);
+  /// Leases the worker nothing more; it finishes the units that it has. Returns whether this is
+  /// new.
+  bool begin_draining(WorkerKey key);
   /// The worker returned units that it had not started. `lacks_files`: because it could not fetch
   /// the scenes of their jobs.
   void return_units(WorkerKey key, const std::vector<UnitName>& units, Time now,

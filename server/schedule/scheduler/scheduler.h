@@ -50,6 +50,7 @@ class Scheduler {
 
   Connections& connections() { return connections_; }
   WorkerOrders& orders() { return orders_; }
+  const WorkerOrders& orders() const { return orders_; }
   Quarantine& quarantine() { return quarantine_; }
   const Quarantine& quarantine() const { return quarantine_; }
 

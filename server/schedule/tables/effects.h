@@ -13,6 +13,7 @@ struct Effects {
   std::vector<WorkerKey> to_wake;          // workers with messages in the outbox
   std::vector<WorkerKey> to_close;         // lost workers whose stream, if any, must be closed
   std::vector<WorkerKey> to_close_unread;  // workers that leave their messages unread
+  std::vector<WorkerKey> left;             // drained workers that have disconnected
   std::vector<JobKey> changed;             // jobs whose state is new and must be journaled
   std::vector<JobKey> revised;             // jobs whose row must be journaled for another reason
   std::vector<std::pair<std::string, bool>> roster;  // worker ID; true: joined, false: gone

@@ -45,8 +45,9 @@ void Outgoing::disconnect(Worker& worker) {
   worker.connected = false;
   counts_.recount(worker);
   if (!worker.draining || !worker.leased_units.empty()) return;
-  worker.lost = true;  // it drained and holds nothing
+  worker.lost = worker.left = true;
   counts_.recount(worker);
+  effects_.left.push_back(worker.key);
   effects_.roster.emplace_back(worker.id, false);
 }
 

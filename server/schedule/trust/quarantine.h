@@ -50,6 +50,8 @@ class Quarantine {
   /// Returns the names under which a worker is banned: its ID and, if it has a certificate, that of
   /// its witness. They are journaled, and given to ban() after a restart.
   std::vector<std::string> names_to_ban(const std::string& worker_id) const;
+  /// IDs and witnesses that are banned or delivered wrong pixels.
+  const std::set<std::string>& banned() const { return quarantined_; }
   /// Bans a worker, connected or not, and every worker with its certificate: releases their units
   /// to others; their further results are obsolete. Committed results stay. `name`: a worker ID, or
   /// a name of names_to_ban().

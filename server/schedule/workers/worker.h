@@ -85,6 +85,7 @@ struct Worker {
   bool connected = false;        // has a stream; without one it is lost after the timeout
   bool lost = false;
   bool draining = false;
+  bool left = false;         // drained and then disconnected; it is lost as well
   bool quarantined = false;  // fails units that succeed elsewhere, delivered wrong pixels, or is
                              // banned
   bool set_aside = false;    // by an operator

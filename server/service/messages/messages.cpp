@@ -59,17 +59,18 @@ v1::Delivery to_message(const Delivery& delivery) {
   return message;
 }
 
-v1::Worker to_message(const Worker& worker, double silence_seconds) {
+v1::Worker to_message(const Worker& worker, std::optional<double> silence_seconds) {
   v1::Worker message;
   message.set_id(worker.id);
   message.set_name(worker.name);
   message.set_host(worker.host);
-  message.set_state(worker.lost && !worker.draining ? v1::Worker::STATE_LOST
-                    : worker.quarantined            ? v1::Worker::STATE_QUARANTINED
-                    : worker.draining               ? v1::Worker::STATE_DRAINING
-                    : worker.set_aside              ? v1::Worker::STATE_SET_ASIDE
-                    : worker.leased_units.empty()   ? v1::Worker::STATE_IDLE
-                                                    : v1::Worker::STATE_BUSY);
+  message.set_state(worker.quarantined            ? v1::Worker::STATE_QUARANTINED
+                    : worker.set_aside            ? v1::Worker::STATE_SET_ASIDE
+                    : worker.left                 ? v1::Worker::STATE_LEFT
+                    : worker.lost                 ? v1::Worker::STATE_LOST
+                    : worker.draining             ? v1::Worker::STATE_DRAINING
+                    : worker.leased_units.empty() ? v1::Worker::STATE_IDLE
+                                                  : v1::Worker::STATE_BUSY);
   message.set_isa(worker.isa);
   message.set_thread_count(worker.thread_count);
   for (const std::string& tag : worker.tags) message.add_tags(tag);
@@ -79,7 +80,8 @@ v1::Worker to_message(const Worker& worker, double silence_seconds) {
   message.set_rss_bytes(worker.rss_bytes);
   message.set_pool(worker.pool);
   message.set_note(worker.note);
-  set_duration(silence_seconds, *message.mutable_silence());
+  message.set_connected(worker.connected);
+  if (silence_seconds) set_duration(*silence_seconds, *message.mutable_silence());
   return message;
 }
 

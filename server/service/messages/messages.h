@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -20,7 +21,8 @@ v1::Limit to_message(const LimitView& limit);
 v1::ClientShare to_message(const ShareView& share);
 v1::Event to_message(const Event& event);
 v1::Delivery to_message(const Delivery& delivery);
-v1::Worker to_message(const Worker& worker, double silence_seconds);
+/// `silence_seconds`: since the worker's last message; none if it has sent none.
+v1::Worker to_message(const Worker& worker, std::optional<double> silence_seconds);
 v1::UnitId to_message(const UnitName& name);
 v1::Lease to_message(const Lease& lease);
 v1::Acknowledgement to_message(const Acknowledgement& acknowledgement);

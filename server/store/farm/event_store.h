@@ -35,6 +35,7 @@ enum class EventKind : std::int32_t {
   budget_warning,
   budget_used_up,
   job_queued,
+  worker_draining,
 };
 
 struct Event {

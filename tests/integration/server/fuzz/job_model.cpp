@@ -97,7 +97,7 @@ StatusCode JobModel::apply(const Person& person, Order order, Job& job, int valu
       job.state = v1::Job::STATE_CANCELLED;
       return StatusCode::OK;
     case Order::retry:
-      if (is_done) return StatusCode::FAILED_PRECONDITION;
+      if (is_done || job.state == v1::Job::STATE_PAUSED) return StatusCode::FAILED_PRECONDITION;
       if (is_ended) job.state = v1::Job::STATE_RUNNING;
       return StatusCode::OK;
     case Order::extend:

@@ -242,6 +242,18 @@ TEST_F(CoordinatorTest, FullStorePausesJobUntilResumed) {
   EXPECT_EQ(view(job).state, JobState::done);
 }
 
+TEST_F(CoordinatorTest, RetryOfJobPausedByUserNamesResume) {
+  const std::string job = create_job("a");
+  join("w1");
+  ASSERT_TRUE(change(job, JobAdmin::Change::pause).ok());
+  const absl::Status status = change(job, JobAdmin::Change::retry).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(status));
+  EXPECT_NE(status.message().find("`tessera resume " + job + "`"), std::string::npos) << status;
+  EXPECT_EQ(view(job).state, JobState::paused);
+  ASSERT_TRUE(change(job, JobAdmin::Change::resume).ok());
+  EXPECT_TRUE(change(job, JobAdmin::Change::retry).ok()) << "it runs already";
+}
+
 TEST_F(CoordinatorTest, FullStoreAtFrameEndPausesJob) {
   const std::string job = create_job("a");
   auto worker = join("w1");

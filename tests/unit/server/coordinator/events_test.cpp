@@ -444,7 +444,7 @@ TEST_F(Events, FailedTransactionKeepsThemForTheNextOne) {
   coordinator->tick();
   pump();
   const auto events = kinds();
-  EXPECT_EQ(std::count(events.begin(), events.end(), EventKind::worker_drained), 1);
+  EXPECT_EQ(std::count(events.begin(), events.end(), EventKind::worker_draining), 1);
 }
 
 }  // namespace
