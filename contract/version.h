@@ -5,7 +5,7 @@ namespace tessera::contract {
 /// Version of the render contract: everything that determines the bits of a pixel. Raised by any
 /// change of sampling, shading, geometry rules, pass schedule or the meaning of film blocks,
 /// together with the committed reference hashes (docs/reference/compatibility.md).
-inline constexpr int kRenderContract = 27;
+inline constexpr int kRenderContract = 28;
 
 /// SHA-256, in hexadecimal, of the reference tile that every renderer of this contract computes at
 /// its start (worker/render/numerics/numerics_check.h). The server refuses a worker with another

@@ -18,6 +18,7 @@
 #include "worker/render/path/motion_vectors.h"
 #include "worker/render/path/path_tracer.h"
 #include "worker/render/pixel_sums.h"
+#include "worker/render/spots/lens_spots.h"
 #include "worker/render/spots/light_spots.h"
 #include "worker/sampling/dimensions.h"
 #include "worker/sampling/sampler.h"
@@ -75,6 +76,7 @@ class PathTracingFrame final : public FrameRenderer {
   const std::unique_ptr<const Guide> guide_;  // null unless the job asks for it and it gains
   const PixelFilterSampler filter_;
   const std::unique_ptr<const LightSpots> spots_;  // null unless the job is guided and has spots
+  const std::unique_ptr<const LensSpots> lens_spots_;
   const FrameContext context_;
   const float clamp_at_;
   const std::uint32_t aovs_;
@@ -195,14 +197,33 @@ std::unique_ptr<const Guide> guide_of(PhotonScene scene, const CameraRays& camer
   return build_guide(scene, checked(parallel_for));
 }
 
+/// Returns whether samples of the frame may have second paths.
+bool has_second_paths(const Scene& scene, const contract::RenderSettings& settings) {
+  return settings.is_guided() && scene.key_times.empty() && scene.camera.keys.empty();
+}
+
+/// Lights out of focus; null if the frame has none.
+std::unique_ptr<const LensSpots> lens_spots(const SpotSearch& search, const LightSampler& lights,
+                                            const PixelFilterSampler& filter,
+                                            const contract::RenderSettings& settings) {
+  const Scene& scene = search.shading.source;
+  if (!has_second_paths(scene, settings) || !(search.camera.lens().radius > 0)) return nullptr;
+  std::vector<LensSpot> found = find_lens_spots(
+      search.camera, SpecularTracer(search.shading, search.accel, settings.max_depth),
+      searched_lights(scene, search.shading, lights));
+  auto spots = std::make_unique<LensSpots>(std::move(found), search.camera, filter, settings.width,
+                                           settings.height);
+  if (spots->empty()) return nullptr;
+  return spots;
+}
+
 /// Spots of a guided frame; null if it has none, or moves or has a lens.
 std::unique_ptr<const LightSpots> light_spots(SpotSearch search, const LightSampler& lights,
                                               const PixelFilterSampler& filter,
                                               const contract::RenderSettings& settings,
                                               const ParallelFor& parallel_for) {
   const Scene& scene = search.shading.source;
-  const bool moves = !scene.key_times.empty() || !scene.camera.keys.empty();
-  if (!settings.is_guided() || moves || search.camera.takes_lens()) return nullptr;
+  if (!has_second_paths(scene, settings) || search.camera.takes_lens()) return nullptr;
   search.width = settings.width;
   search.height = settings.height;
   search.max_depth = settings.max_depth;
@@ -237,6 +258,7 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                       camera_, settings, parallel_for)),
       filter_(settings.filter, settings.filter_width),
       spots_(light_spots({shading_, accel_, camera_}, lights_, filter_, settings, parallel_for)),
+      lens_spots_(lens_spots({shading_, accel_, camera_}, lights_, filter_, settings)),
       context_{shading_,
                accel_,
                lights_,
@@ -254,13 +276,15 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                    shading_.assumes(kFeatureMotion),
                guide_.get(),
                spots_.get(),
+               lens_spots_.get(),
                motion_.get()},
       clamp_at_(static_cast<float>(settings.clamp)),
       aovs_(settings.aovs) {
   timings_.memory_bytes = scene_bytes(scene_) + shading_.memory_bytes + accel_.memory_bytes() +
                           lights_.memory_bytes() +
                           (guide_ == nullptr ? 0 : guide_->memory_bytes()) +
-                          (spots_ == nullptr ? 0 : spots_->memory_bytes());
+                          (spots_ == nullptr ? 0 : spots_->memory_bytes()) +
+                          (lens_spots_ == nullptr ? 0 : lens_spots_->memory_bytes());
 }
 
 contract::FilmBlock PathTracingFrame::render(const contract::PixelRect& rect,

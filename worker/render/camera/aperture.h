@@ -14,4 +14,9 @@ struct AperturePoint {
 /// polygon inscribed in it whose first corner is at `blade_rotation` from the right.
 AperturePoint aperture_point(const Lens& lens, Vec2f u);
 
+/// Square metres.
+double aperture_area(const Lens& lens);
+
+bool is_in_aperture(const Lens& lens, const AperturePoint& point);
+
 }  // namespace tessera::render

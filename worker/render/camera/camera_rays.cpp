@@ -5,7 +5,6 @@
 
 #include "worker/geometry/motion.h"
 #include "worker/math/elementary.h"
-#include "worker/render/camera/aperture.h"
 #include "worker/scene/features.h"
 
 namespace tessera::render {
@@ -108,10 +107,9 @@ CameraRays CameraRays::at(float time) const {
 
 bool CameraRays::ray(double x, double y, Vec2f lens, CameraRay* out) const {
   if (kind_ > Camera::Kind::orthographic) return from_curved_projection(x, y, out);
-  const double sideways = (x - half_width_) * pixel_ + center_x_;
-  const double upwards = (half_height_ - y) * pixel_ + center_y_;
-  if (lens_.radius > 0) return through_lens(sideways, upwards, lens, out);
-  const Vec3d across = right_ * sideways + up_ * upwards;
+  const Vec2d at = slope_at(x, y);
+  if (lens_.radius > 0) return through_lens(at, aperture_point(lens_, lens), out);
+  const Vec3d across = right_ * at.x + up_ * at.y;
   if (kind_ == Camera::Kind::perspective) {
     const Vec3d d = forward_ + across;  // reaches depth 1 at d
     const double norm = length(d);
@@ -126,13 +124,31 @@ bool CameraRays::ray(double x, double y, Vec2f lens, CameraRay* out) const {
   return true;
 }
 
+bool CameraRays::ray_through(double x, double y, const AperturePoint& point, CameraRay* out) const {
+  return through_lens(slope_at(x, y), point, out);
+}
+
+Vec2d CameraRays::slope_at(double x, double y) const {
+  return {(x - half_width_) * pixel_ + center_x_, (half_height_ - y) * pixel_ + center_y_};
+}
+
+FilmPoint CameraRays::film_point(const Vec2d& slope) const {
+  return {half_width_ + (slope.x - center_x_) / pixel_,
+          half_height_ - (slope.y - center_y_) / pixel_};
+}
+
+Vec3d CameraRays::local(const Vec3d& p) const {
+  const Vec3d from_eye = p - eye_;
+  return {dot(from_eye, right_), dot(from_eye, up_), dot(from_eye, forward_)};
+}
+
 /// Thin lens: all rays of a film point meet where the ray through the lens's centre hits the plane
 /// of focus. Source: Pharr, Jakob & Humphreys, "Physically Based Rendering", 4th edition, section
 /// 5.2.3.
-bool CameraRays::through_lens(double sideways, double upwards, Vec2f lens, CameraRay* out) const {
-  const AperturePoint point = aperture_point(lens_, lens);
-  const double slope_x = sideways - point.x / lens_.focus_distance;
-  const double slope_y = upwards - point.y / lens_.focus_distance;
+bool CameraRays::through_lens(const Vec2d& slope, const AperturePoint& point,
+                              CameraRay* out) const {
+  const double slope_x = slope.x - point.x / lens_.focus_distance;
+  const double slope_y = slope.y - point.y / lens_.focus_distance;
   const double rim_x = point.x + slope_x * lens_.rim_distance;
   const double rim_y = point.y + slope_y * lens_.rim_distance;
   if (rim_x * rim_x + rim_y * rim_y > lens_.rim_radius * lens_.rim_radius) return false;
@@ -176,17 +192,12 @@ bool CameraRays::from_curved_projection(double x, double y, CameraRay* out) cons
 }
 
 std::optional<FilmPoint> CameraRays::project(const Vec3d& p) const {
-  const Vec3d from_eye = p - eye_;
-  const Vec3d local{dot(from_eye, right_), dot(from_eye, up_), dot(from_eye, forward_)};
-  if (kind_ > Camera::Kind::orthographic) return to_curved_projection(local);
-  double sideways = local.x - slant_x_ * local.z, upwards = local.y - slant_y_ * local.z;
-  if (kind_ == Camera::Kind::perspective) {
-    if (!(local.z > 0)) return std::nullopt;
-    sideways = local.x / local.z;
-    upwards = local.y / local.z;
-  }
-  return FilmPoint{half_width_ + (sideways - center_x_) / pixel_,
-                   half_height_ - (upwards - center_y_) / pixel_};
+  const Vec3d at = local(p);
+  if (kind_ > Camera::Kind::orthographic) return to_curved_projection(at);
+  if (kind_ != Camera::Kind::perspective)
+    return film_point({at.x - slant_x_ * at.z, at.y - slant_y_ * at.z});
+  if (!(at.z > 0)) return std::nullopt;
+  return film_point({at.x / at.z, at.y / at.z});
 }
 
 std::optional<FilmPoint> CameraRays::to_curved_projection(const Vec3d& local) const {

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
 
 #include "worker/math/vector.h"
+#include "worker/render/camera/aperture.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::render {
@@ -49,6 +51,19 @@ class CameraRays {
   /// rim.
   bool ray(double x, double y, Vec2f lens, CameraRay* out) const;
 
+  /// The lens; its radius is 0 without one. The functions below are for cameras with a lens.
+  const Lens& lens() const { return lens_; }
+  /// The same ray through a given point of the aperture.
+  bool ray_through(double x, double y, const AperturePoint& point, CameraRay* out) const;
+  /// How far to the right and up a ray through the lens's centre is after 1 metre of depth, for a
+  /// film point, and the film point for that.
+  Vec2d slope_at(double x, double y) const;
+  FilmPoint film_point(const Vec2d& slope) const;
+  /// Coordinates of `p` (recentred world): right, up and forward of the camera, metres.
+  Vec3d local(const Vec3d& p) const;
+  /// Unit vectors to the right, up and forward.
+  std::array<Vec3d, 3> axes() const { return {right_, up_, forward_}; }
+
   /// Width of a pixel's footprint at the ray's origin, metres, and its growth per metre.
   float footprint_at_start() const { return footprint_at_start_; }
   float footprint_growth() const { return footprint_growth_; }
@@ -64,7 +79,7 @@ class CameraRays {
  private:
   void place(const Affine3d& camera_to_world);
   void set_footprint();
-  bool through_lens(double sideways, double upwards, Vec2f lens, CameraRay* out) const;
+  bool through_lens(const Vec2d& slope, const AperturePoint& point, CameraRay* out) const;
   bool from_curved_projection(double x, double y, CameraRay* out) const;
   std::optional<FilmPoint> to_curved_projection(const Vec3d& local) const;
 

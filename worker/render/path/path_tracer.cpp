@@ -72,6 +72,7 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
         max_depth_(frame.max_depth),
         spots_(start.spots),
         offset_(start.offset),
+        direct_weight_(start.direct_weight),
         second_(start.second),
         media_(sampler_) {}
 
@@ -121,6 +122,7 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
   Path path_;
   LightSpots::Pixel spots_;  // PathStart; empty for a path that is continued for the report
   Vec2f offset_;
+  float direct_weight_;
   std::optional<LightSpots::Pixel::Second> second_;
   GuideLobe lobe_;  // at the surface where the path is
   std::conditional_t<kMedia, MediaState, NoMedia> media_;
@@ -524,6 +526,8 @@ bool PathTracer<kMedia>::follow_lobe(const Bsdf& bsdf, BsdfSample* next) {
 template <bool kMedia>
 float PathTracer<kMedia>::spot_weight() const {
   if (second_) return path_.lobes == second_->lobes ? second_->weight : 0;
+  if (path_.lobes == kNoLobes && direct_weight_ != 1) [[unlikely]]
+    return direct_weight_;
   return path_.lobes == 0 || spots_.empty() ? 1 : spots_.weight(offset_, path_.lobes);
 }
 

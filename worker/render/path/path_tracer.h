@@ -21,6 +21,7 @@
 namespace tessera::render {
 
 class Guide;
+class LensSpots;
 class LightSpots;
 class MotionVectors;
 
@@ -41,6 +42,7 @@ struct FrameContext {
   bool moves = false;                     // something moves during the exposure: rays have times
   const Guide* guide = nullptr;           // directions of light for --guiding; may be null
   const LightSpots* spots = nullptr;      // images of lights; may be null
+  const LensSpots* lens_spots = nullptr;  // lights out of focus; may be null
   const MotionVectors* motion = nullptr;  // null unless the motion layer is requested
 };
 

@@ -19,6 +19,8 @@ struct PathStart {
   /// path looks for it too.
   LightSpots::Pixel spots = {};
   Vec2f offset = {};  // of the ray from the pixel's centre, if there are spots
+  /// Weight of the light that the camera ray itself finds, because a second path looks for it too.
+  float direct_weight = 1;
   /// If set, this is that second path: it finds light by these lobes and nothing else.
   std::optional<LightSpots::Pixel::Second> second = {};
 };

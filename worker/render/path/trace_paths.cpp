@@ -4,6 +4,7 @@
 
 #include "worker/accel/traversal/thread_counts.h"
 #include "worker/render/path/single_path.h"
+#include "worker/render/spots/lens_spots.h"
 #include "worker/sampling/dimensions.h"
 
 namespace tessera::render {
@@ -45,26 +46,65 @@ __attribute__((noinline)) void begin_paths(const FrameContext& frame, std::span<
   }
 }
 
+/// Starts a second path of a sample: its random numbers are those of a pixel outside the image,
+/// which no other path has.
+PathStart second_start(const FrameContext& frame, const PathId& id) {
+  return {Sampler(frame.seed, frame.frame, ~id.x, id.y, id.sample), {}};
+}
+
+/// Traces the second path of a sample and adds what it finds.
+void add_second_path(const FrameContext& frame, const PathStart& second, PathScratch* scratch,
+                     PathResult* result) {
+  if (PathObserver* observer = scratch->observer) [[unlikely]]
+    observer->on_second_path(second.second->offset);
+  const PathResult found = trace_path(frame, second, scratch);
+  result->radiance += found.radiance;
+  result->limit_count += found.limit_count;
+}
+
+/// Traces a path, and a second one from the same point of the film that looks for a light out of
+/// focus.
+PathResult trace_lens_sample(const FrameContext& frame, const PathId& id, PathStart start,
+                             PathScratch* scratch) {
+  const LensSpots::Pixel spots = frame.lens_spots->at(id.x, id.y);
+  if (spots.empty()) return trace_path(frame, start, scratch);
+  const Vec2f offset = frame.filter.sample(start.sampler.get_2d(dimensions::kFilter));
+  const double x = id.x + 0.5 + static_cast<double>(offset.x);
+  const double y = id.y + 0.5 + static_cast<double>(offset.y);
+  const Vec2d slope = frame.camera.slope_at(x, y);
+  start.direct_weight = spots.weight(
+      aperture_point(frame.camera.lens(), start.sampler.get_2d(dimensions::kLens)), slope);
+  PathResult result = trace_path(frame, start, scratch);
+  PathStart second = second_start(frame, id);
+  const Vec4f u = second.sampler.get_4d(dimensions::kFilter);
+  const LensSpots::Pixel::Second through = spots.sample(u.z, {u.x, u.y}, slope);
+  CameraRay ray{{}, {0, 0, 1}, -1};
+  if (!(through.weight > 0) || !frame.camera.ray_through(x, y, through.point, &ray)) return result;
+  second.ray.origin = ray.origin;
+  second.ray.direction = ray.direction;
+  second.ray.t_max = ray.t_max;
+  second.second = LightSpots::Pixel::Second{offset, kNoLobes, through.weight};
+  add_second_path(frame, second, scratch, &result);
+  return result;
+}
+
 /// Traces a path, and a second one that looks for the lights in the spots around its pixel.
 PathResult trace_sample(const FrameContext& frame, const PathId& id, PathStart start,
                         PathScratch* scratch) {
+  if (frame.lens_spots != nullptr) [[unlikely]]
+    return trace_lens_sample(frame, id, start, scratch);
   if (frame.spots == nullptr) return trace_path(frame, start, scratch);
   start.spots = frame.spots->at(id.x, id.y);
   if (start.spots.empty()) return trace_path(frame, start, scratch);
   start.offset = frame.filter.sample(start.sampler.get_2d(dimensions::kFilter));
   PathResult result = trace_path(frame, start, scratch);
-  // The random numbers of a pixel outside the image, which no other path has.
-  PathStart second{Sampler(frame.seed, frame.frame, ~id.x, id.y, id.sample), {}};
+  PathStart second = second_start(frame, id);
   const Vec4f u = second.sampler.get_4d(dimensions::kFilter);
   second.second = start.spots.sample(u.z, {u.x, u.y});
   if (!(second.second->weight > 0)) return result;
   second.ray = camera_ray<false>(frame, id, second.sampler, second.second->offset);
   if (second.ray.t_max < 0) return result;
-  if (PathObserver* observer = scratch->observer) [[unlikely]]
-    observer->on_second_path(second.second->offset);
-  const PathResult found = trace_path(frame, second, scratch);
-  result.radiance += found.radiance;
-  result.limit_count += found.limit_count;
+  add_second_path(frame, second, scratch, &result);
   return result;
 }
 
