@@ -13,7 +13,8 @@ constexpr std::chrono::seconds kWriteRunningEvery{20}, kCheckWriterEvery{2};
 }  // namespace
 
 Coordinator::Coordinator(Store& store, FarmOptions options, const std::vector<std::string>& roster)
-    : farm_(store, std::move(options), roster),
+    : store_(store),
+      farm_(store, std::move(options), roster),
       health_(farm_.options().clock),
       budget_(farm_.options().ingest_bytes),
       pipeline_(farm_, store),
@@ -66,7 +67,10 @@ void Coordinator::tick() {
   if (change.now() - last_writer_check_ >= kCheckWriterEvery) {
     last_writer_check_ = change.now();
     audits_.tick();
-    pipeline_.post([this] { health_.note_writer(); });
+    pipeline_.post([this, has_waiting = jobs_.has_waiting()] {
+      health_.note_writer();
+      health_.note_disk(store_.free_bytes(), has_waiting);
+    });
   }
   if (change.now() - last_running_write_ < kWriteRunningEvery) return;
   last_running_write_ = change.now();

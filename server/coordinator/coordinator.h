@@ -80,6 +80,7 @@ class Coordinator {
   Coordinator(Store& store, FarmOptions options, const std::vector<std::string>& roster);
 
   // In the order in which they use each other: queued tasks refer to the parts above their own.
+  const Store& store_;
   FarmState farm_;
   Health health_;
   IngestBudget budget_;

@@ -1,8 +1,10 @@
 #include "server/jobs/job_admin.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cstddef>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -17,9 +19,6 @@ using contract::Unit;
 namespace {
 
 constexpr std::chrono::seconds kCheckPeriod{10};
-/// Free space at which jobs resume that were paused because the disk was full: a few groups of
-/// blocks and images.
-constexpr std::int64_t kRoomToResume = std::int64_t{256} << 20;
 constexpr std::size_t kOldJobsAtOnce = 64;
 constexpr std::size_t kMaxBlockedWorkers = 1000;
 
@@ -361,15 +360,15 @@ void JobAdmin::tick(FarmChange& change) {
   if (!is_expiring_) expire_jobs(change);
   last_tick_ = change.now();
   const JobTable& jobs = change.scheduler().jobs();
-  for (const JobKey key : jobs.of_state(JobState::paused)) {
-    if (!FarmChange::waits_for_room(jobs.at(key))) continue;
-    return pipeline_.post([this] { resume_waiting(); });
-  }
+  const std::set<JobKey>& paused = jobs.of_state(JobState::paused);
+  has_waiting_ = std::any_of(paused.begin(), paused.end(),
+                             [&](JobKey key) { return FarmChange::waits_for_room(jobs.at(key)); });
+  if (has_waiting_) pipeline_.post([this] { resume_waiting(); });
 }
 
 /// Resumes the jobs that wait for room, if there is some. On the writer thread.
 void JobAdmin::resume_waiting() {
-  if (store_.free_bytes() < kRoomToResume) return;
+  if (store_.free_bytes() < kRoomForJobs) return;
   FarmChange change(farm_);
   std::vector<Job*> waiting;
   for (const JobKey key : change.scheduler().jobs().of_state(JobState::paused)) {

@@ -71,6 +71,8 @@ class JobAdmin {
   /// Removes jobs that ended long ago, and resumes jobs that were paused because the disk was full
   /// when it has room. Call at each tick.
   void tick(FarmChange& change);
+  /// Returns whether there were such jobs at the last check. Call where tick() is called.
+  bool has_waiting() const { return has_waiting_; }
 
  private:
   void change_now(const std::string& job_id, Change what, const OnJob& done);
@@ -103,6 +105,7 @@ class JobAdmin {
   // Guarded by the farm's lock.
   Time last_tick_;
   bool is_expiring_ = false;  // the writer removes jobs, or will
+  bool has_waiting_ = false;
 };
 
 }  // namespace tessera::server

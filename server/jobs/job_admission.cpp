@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 
 namespace tessera::server {
 namespace {
@@ -134,6 +135,17 @@ absl::Status JobAdmission::check_owner(const JobSpec& spec) {
   return check_owners_quota(view, spec, use);
 }
 
+/// Errors: ResourceExhausted, a job that may need `bytes` would soon pause because the disk is
+/// full.
+absl::Status JobAdmission::check_disk(std::int64_t bytes) const {
+  const std::int64_t free = store_.free_bytes();
+  if (free >= std::min(bytes, kRoomForJobs)) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrFormat(
+      "the disk of %s has only %.1f MB free, and the job may need %.1f MB: free space on it, or "
+      "remove ended jobs with `tessera remove`, then submit again",
+      store_.folder(), static_cast<double>(free) / 1e6, static_cast<double>(bytes) / 1e6));
+}
+
 /// Errors: AlreadyExists, the request has created a job; FailedPrecondition, an asset is missing;
 /// ResourceExhausted, no room for the job.
 absl::Status JobAdmission::check_room(const Request& request) {
@@ -146,6 +158,7 @@ absl::Status JobAdmission::check_room(const Request& request) {
     status.Update(check_limits_exist(view, spec.limits));
     if (!status.ok()) return status;
   }
+  if (absl::Status full = check_disk(request.store_bytes); !full.ok()) return full;
   const std::int64_t left = farm_.options().quota_bytes - store_.used_bytes();
   if (request.store_bytes > left) {
     return absl::ResourceExhaustedError(absl::StrCat("the job needs up to ", request.store_bytes,

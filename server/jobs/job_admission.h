@@ -57,6 +57,7 @@ class JobAdmission {
   absl::Status write(const std::shared_ptr<Request>& request) ABSL_LOCKS_EXCLUDED(mutex_);
   absl::StatusOr<std::optional<JobView>> find_existing(const JobSpec& spec) const;
   absl::Status check_room(const Request& request) ABSL_LOCKS_EXCLUDED(mutex_);
+  absl::Status check_disk(std::int64_t bytes) const;
   absl::Status check_new(const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
   absl::Status check_owner(const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
   absl::Status add_row(Request& request);

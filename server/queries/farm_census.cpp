@@ -95,6 +95,20 @@ JobKey add_jobs(const FarmState& farm, JobKey first, Census& census) {
   return job == jobs.end() ? -1 : job->first;
 }
 
+/// Returns for each client the used fraction of the quota that is closest to its limit.
+std::map<std::string, double> used_fractions(const ClientQuotas& quotas,
+                                             const std::map<std::string, OwnerUse>& uses) {
+  std::map<std::string, double> fractions;
+  for (const auto& [client, use] : uses) {
+    double& fraction = fractions[client];
+    for (const QuotaKind& kind : kQuotaKinds) {
+      const double limit = quotas.of(client).*kind.member;
+      if (limit > 0) fraction = std::max(fraction, use.of(kind) / limit);
+    }
+  }
+  return fractions;
+}
+
 }  // namespace
 
 std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
@@ -142,20 +156,13 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
     used[account_text(account)] = state.used_cpu_seconds / state.budget.cpu_seconds;
   }
   metrics.budget_used_fraction.set(used);
-  std::map<std::string, double> fractions;
-  for (const auto& [client, use] : quota_use()) {
-    double& fraction = fractions[client];
-    const ClientQuota& quota = parts_.farm.options().client_quotas.of(client);
-    for (const QuotaKind& kind : kQuotaKinds) {
-      const double limit = quota.*kind.member;
-      if (limit > 0) fraction = std::max(fraction, use.of(kind) / limit);
-    }
-  }
-  metrics.quota_used_fraction.set(fractions);
+  metrics.quota_used_fraction.set(used_fractions(parts_.farm.options().client_quotas, quota_use()));
   set(metrics.ingest_bytes, parts_.budget.used_bytes());
   set(metrics.film_queue_length, parts_.finisher.tasks().size());
   set(metrics.film_bytes, parts_.finisher.films().cache().used_bytes());
   set(metrics.store_bytes, parts_.store.used_bytes());
+  set(metrics.store_free_bytes, parts_.store.free_bytes());
+  set(metrics.store_quota_bytes, parts_.farm.options().quota_bytes);
   return metrics.collect();
 }
 

@@ -17,6 +17,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/time.h"
+#include "rpc/certificates/certificate_dates.h"
 #include "rpc/channel.h"
 #include "rpc/credentials.h"
 #include "server/identity/authority.h"
@@ -38,6 +39,7 @@ namespace {
 constexpr std::chrono::milliseconds kShutdownGrace{300};
 constexpr absl::Duration kHealthPeriod = absl::Milliseconds(500);  // also of cutting streams
 constexpr int kRenewalRetryS = 60;
+constexpr std::chrono::seconds kExpiryPeriod{60};  // of looking when the certificate expires
 constexpr char kUnixPrefix[] = "unix:";
 /// A connection that has not finished its handshakes by then is closed.
 constexpr int kHandshakeTimeoutMs = 10'000;
@@ -121,6 +123,7 @@ class GrpcFarmServer final : public FarmServer {
  public:
   GrpcFarmServer(Coordinator& coordinator, Endpoint endpoint, Log log)
       : health_(coordinator.health()),
+        metrics_(coordinator.farm().metrics()),
         log_(std::move(log)),
         credentials_(std::move(endpoint.credentials)),
         certs_(std::move(endpoint.certs)),
@@ -208,6 +211,7 @@ class GrpcFarmServer final : public FarmServer {
       service->SetServingStatus("", is_ready);
       access_.cut_refused();
       renew_certificate();
+      note_expiry();
     } while (!stopping_.WaitForNotificationWithTimeout(kHealthPeriod));
   }
 
@@ -222,13 +226,26 @@ class GrpcFarmServer final : public FarmServer {
                                         std::string(renewal.status().message())));
     } else if (renewal->is_renewed) {
       log_(LogLevel::info, "the server's certificate has been renewed");
+      expiry_due_ = now;
     }
   }
 
+  /// Tells the metrics when the certificate expires. An operator may replace its file at any time.
+  void note_expiry() {
+    const auto now = std::chrono::steady_clock::now();
+    if (certs_.empty() || now < expiry_due_) return;
+    expiry_due_ = now + kExpiryPeriod;
+    const auto end = contract::certificate_end(certs_ + "/tls.crt");
+    if (!end.ok()) return;  // without its file it is used until it expires
+    metrics_.certificate_expiry.Add({}).Set(
+        static_cast<double>(std::chrono::system_clock::to_time_t(*end)));
+  }
+
   Health& health_;
+  FarmMetrics& metrics_;
   absl::Notification stopping_;
   std::thread watcher_;
-  std::chrono::steady_clock::time_point renewal_due_{};  // of the watcher
+  std::chrono::steady_clock::time_point renewal_due_{}, expiry_due_{};  // of the watcher
   const Log log_;
   const std::shared_ptr<grpc::ServerCredentials> credentials_;
   const std::string certs_;

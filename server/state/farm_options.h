@@ -15,6 +15,11 @@
 
 namespace tessera::server {
 
+/// Free space of the store's disk that jobs need: a few groups of blocks and images. With less,
+/// jobs that may fill it are refused, and those that were paused because the disk was full stay
+/// paused.
+inline constexpr std::int64_t kRoomForJobs = std::int64_t{256} << 20;
+
 /// Settings of a farm, and what it takes from outside: clocks, randomness, the form of requests.
 struct FarmOptions {
   SchedulePolicy policy;

@@ -201,7 +201,10 @@ void FarmChange::pause_for_room(Job& job, const absl::Status& status) {
   if (job.state == JobState::paused) return;  // it resumes when who paused it wants
   scheduler()
       .lifecycle()
-      .pause(job, absl::StrCat(kStoreFull, std::string(status.message())), now())
+      .pause(job,
+             absl::StrCat(kStoreFull, std::string(status.message()), "; the job resumes when ",
+                          kRoomForJobs >> 20, " MiB are free"),
+             now())
       .IgnoreError();
 }
 

@@ -41,6 +41,7 @@ class DiskStore final : public Store {
   static absl::StatusOr<std::unique_ptr<Store>> open(const std::string& folder,
                                                      Filesystem& filesystem, StoreOptions options);
 
+  const std::string& folder() const override { return folder_; }
   const std::string& id() const override { return id_; }
   const std::string& key() const override { return key_; }
   std::int64_t boot_count() const override { return boot_count_; }

@@ -71,6 +71,8 @@ class Store {
                                                      StoreOptions options = {});
   virtual ~Store() = default;
 
+  /// Its directory, for messages.
+  virtual const std::string& folder() const = 0;
   /// Random 128-bit ID of the store, hexadecimal, and its secret key (32 bytes) for seals.
   virtual const std::string& id() const = 0;
   virtual const std::string& key() const = 0;

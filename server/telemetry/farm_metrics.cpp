@@ -122,6 +122,10 @@ FarmMetrics::FarmMetrics()
       film_queue_length(
           gauge(registry_, "tessera_film_queue_length", "Backlog of the film threads")),
       store_bytes(gauge(registry_, "tessera_store_bytes", "Disk space of the store")),
+      store_free_bytes(
+          gauge(registry_, "tessera_store_free_bytes", "Free space of the store's disk")),
+      store_quota_bytes(gauge(registry_, "tessera_store_quota_bytes",
+                              "Size of the store above which new jobs are refused")),
       pools{{gauges(registry_, "tessera_pool_units_waiting",
                     "Units that a worker of the pool could be leased now"),
              "pool"},
@@ -141,6 +145,8 @@ FarmMetrics::FarmMetrics()
       quota_used_fraction(gauges(registry_, "tessera_client_quota_used_fraction",
                                  "Fraction used of the client's quota closest to its limit"),
                           "client"),
+      certificate_expiry(gauges(registry_, "tessera_certificate_expiry_timestamp_seconds",
+                                "When the server's certificate expires, seconds since 1970")),
       quota_refusals(counters(registry_, "tessera_quota_refusals_total",
                               "Requests refused because of a quota")) {}
 

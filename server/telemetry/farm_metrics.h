@@ -47,7 +47,8 @@ class FarmMetrics {
   struct Workers {
     prometheus::Gauge &working, &draining, &quarantined, &set_aside, &disconnected, &lost, &left;
   } workers;  // disconnected: without a stream, before the timeout
-  prometheus::Gauge &worker_threads, &ingest_bytes, &film_bytes, &film_queue_length, &store_bytes;
+  prometheus::Gauge &worker_threads, &ingest_bytes, &film_bytes, &film_queue_length, &store_bytes,
+      &store_free_bytes, &store_quota_bytes;
 
   /// By pool: units that a worker of it could be leased now, the longest time that a job of it has
   /// waited for a lease, and the threads of its workers.
@@ -61,6 +62,9 @@ class FarmMetrics {
   std::array<prometheus::Gauge*, 3> paused_jobs;  // by PauseCause − 1
   /// By client: fraction used of its quota of jobs and files that is closest to its limit.
   LabelledGauges quota_used_fraction;
+
+  /// End of the server's certificate, s since 1970; none without certificates.
+  prometheus::Family<prometheus::Gauge>& certificate_expiry;
 
   /// Requests that were refused, by quota.
   prometheus::Family<prometheus::Counter>& quota_refusals;

@@ -23,8 +23,14 @@ std::string Health::why_unready() const {
   if (std::string reason = why_dead(); !reason.empty()) return reason;
   if (!is_accepting_) return "the server does not accept calls";
   const double silence = seconds_since(writer_);
-  if (silence <= seconds(kWriterLimit)) return "";
-  return absl::StrFormat("the writer thread has been stuck for %.0f s", silence);
+  if (silence > seconds(kWriterLimit)) {
+    return absl::StrFormat("the writer thread has been stuck for %.0f s", silence);
+  }
+  const std::int64_t free = free_bytes_;
+  if (free < kMinFreeBytes) {
+    return absl::StrFormat("the disk of the store is full: %d MiB are free", free >> 20);
+  }
+  return has_paused_jobs_ ? "jobs are paused because the disk of the store is full" : "";
 }
 
 }  // namespace tessera::server

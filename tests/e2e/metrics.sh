@@ -101,14 +101,26 @@ scrape worker-two.log worker.txt
 equal "a worker with a warm cache fetches nothing" \
   "$(metric worker.txt 'tessera_worker_assets_total{source="server"}')" 0
 
-cat "$work/mid-job.txt" "$work/server.txt" "$work/worker.txt" | awk '$1 != "#" { sub("[{ ].*", ""); print }' |
+# Only a server with certificates says when its own expires.
+tessera-server init-certs "$work/certs" --host 127.0.0.1 --days 9 2>/dev/null
+: >"$work/secure.log"
+tessera-server --listen 127.0.0.1:0 --store "$work/secure" --certs "$work/certs" --metrics 127.0.0.1:0 \
+  >"$work/address" 2>>"$work/secure.log" &
+worker_pid[secure]=$! # so that it is stopped at the end
+expires() { scrape secure.log secure.txt && grep -q '^tessera_certificate_expiry_timestamp_seconds ' "$work/secure.txt"; }
+wait_until 60 "the server has read its certificate" expires
+equal "end of the server's certificate" \
+  "$(awk '$1 == "tessera_certificate_expiry_timestamp_seconds" { printf "%d", $2 }' "$work/secure.txt")" \
+  "$(date +%s -d "$(openssl x509 -in "$work/certs/tls.crt" -noout -enddate | cut -d= -f2)")"
+
+cat "$work/mid-job.txt" "$work/secure.txt" "$work/server.txt" "$work/worker.txt" | awk '$1 != "#" { sub("[{ ].*", ""); print }' |
   sort -u >"$work/names"
 grep -ohE 'tessera_[a-z_]+' "$deploy/grafana/tessera.json" "$deploy/prometheus/alerts.yml" | sort -u |
   comm -23 - "$work/names" >"$work/unknown"
 equal "dashboard and alerts use existing metrics only" "$(cat "$work/unknown")" ""
 
 command -v promtool >/dev/null || fail "promtool is not installed (package prometheus)"
-for text in server.txt worker.txt; do
+for text in server.txt secure.txt worker.txt; do
   promtool check metrics <"$work/$text" >"$work/out" 2>&1 || fail "$text: $(cat "$work/out")"
   equal "promtool has no remarks on $text" "$(cat "$work/out")" ""
 done

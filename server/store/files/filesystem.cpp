@@ -19,6 +19,7 @@ namespace tessera::server {
 namespace {
 
 absl::Status errno_status(const char* what, const std::string& path) {
+  if (errno == ENOSPC || errno == EDQUOT) return disk_full(path, what);
   // absl maps these two to ResourceExhausted, which here means that the disk is full.
   if (errno == EMFILE || errno == ENFILE) {
     return absl::UnavailableError(absl::StrCat(what, " ", path, ": no file descriptor is free"));
@@ -195,6 +196,12 @@ class DiskFilesystem final : public Filesystem {
 };
 
 }  // namespace
+
+absl::Status disk_full(const std::string& path, std::string_view doing) {
+  return absl::ResourceExhaustedError(
+      absl::StrCat("the disk of ", path, " is full (", std::string(doing),
+                   "): free space on it, or remove ended jobs with `tessera remove`"));
+}
 
 Filesystem& real_filesystem() {
   static DiskFilesystem disk;  // has no state

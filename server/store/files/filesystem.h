@@ -70,6 +70,10 @@ class Filesystem {
   virtual std::string sqlite_vfs() const { return {}; }
 };
 
+/// Returns the error of a write to `path` that found no space: ResourceExhausted, for users.
+/// `doing`: the operation.
+absl::Status disk_full(const std::string& path, std::string_view doing);
+
 /// The operating system's file system.
 Filesystem& real_filesystem();
 

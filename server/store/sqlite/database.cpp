@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "server/store/files/filesystem.h"
 
 namespace tessera::server {
 namespace {
@@ -155,6 +156,7 @@ absl::Status Database::configure(Mode mode) {
 }
 
 absl::Status Database::error(int code, std::string_view doing) const {
+  if ((code & 0xff) == SQLITE_FULL) return disk_full(path_, doing);
   const char* reason =
       connection_ != nullptr ? sqlite3_errmsg(connection_.get()) : sqlite3_errstr(code);
   return absl::Status(status_code(code), absl::StrCat(path_, ": ", std::string(doing), ": ", reason,

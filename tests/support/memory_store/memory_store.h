@@ -63,6 +63,7 @@ class MemoryStore final : public Store {
   };
   Controls controls() { return Controls(*this); }
 
+  const std::string& folder() const override { return folder_; }
   const std::string& id() const override { return id_; }
   const std::string& key() const override { return key_; }
   std::int64_t boot_count() const override { return boot_count_; }
@@ -105,6 +106,7 @@ class MemoryStore final : public Store {
   MemoryUnits units_{rows_, usage_};
   MemoryFrames frames_;
   MemoryAssets assets_;
+  const std::string folder_ = "/srv/store";
   const std::string id_ = "0123456789abcdef0123456789abcdef";
   const std::string key_ = "thirty-two bytes of a secret key";
   std::int64_t boot_count_ = 1, used_bytes_ = 0;

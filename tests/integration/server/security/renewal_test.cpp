@@ -101,7 +101,13 @@ TEST_F(RenewalTest, ServerRenewsItself) {
   ASSERT_TRUE(issue_server(certs_, {"127.0.0.1", "farm.example"}, {now, now + 9}).ok());
   server_ = start_server(certs_).value();
   ASSERT_TRUE(try_call("ann").ok());
+  const auto expiry_s = [&] {
+    const auto families = running_->coordinator().farm().metrics().certificate_expiry.Collect();
+    return families.empty() ? 0 : families.front().metric.front().gauge.value;
+  };
+  EXPECT_EQ(expiry_s(), static_cast<double>(now + 9));
   while (std::time(nullptr) <= now + 11) std::this_thread::sleep_for(milliseconds(200));
+  EXPECT_GT(expiry_s(), static_cast<double>(now + 11));
   EXPECT_TRUE(try_call("ann").ok()) << "a new connection, after the first certificate has expired";
 }
 

@@ -183,6 +183,53 @@ TEST_F(FailedWriteTest, JobResumesWhenDiskHasRoom) {
   EXPECT_EQ(view(job).state, JobState::paused) << "paused by the user";
 }
 
+TEST_F(FailedWriteTest, FullDiskRefusesJobsThatMayFillIt) {
+  const std::int64_t need = max_job_size(spec_of("a")).store_bytes;
+  ASSERT_LT(need, kRoomForJobs);
+  store.controls().set_free_bytes(need - 1);
+  const absl::Status refused = create(spec_of("a")).status();
+  EXPECT_TRUE(absl::IsResourceExhausted(refused));
+  for (const char* part : {"disk of /srv/store", "MB free", "`tessera remove`"}) {
+    EXPECT_NE(refused.message().find(part), std::string::npos) << refused;
+  }
+  store.controls().set_free_bytes(need);
+  EXPECT_TRUE(create(spec_of("small")).ok());
+  JobSpec large = spec_of("large");
+  large.settings.width = large.settings.height = 4096;
+  ASSERT_GT(max_job_size(large).store_bytes, kRoomForJobs);
+  store.controls().set_free_bytes(kRoomForJobs);
+  EXPECT_TRUE(create(large).ok()) << "it may need less";
+}
+
+TEST_F(FailedWriteTest, FullDiskIsNotReadyButAlive) {
+  Health& health = coordinator->health();
+  health.set_accepting(true);
+  const auto check = [&] {
+    now += std::chrono::seconds(11);
+    coordinator->tick();
+    pump();
+    EXPECT_EQ(health.why_dead(), "");
+    return health.why_unready();
+  };
+  EXPECT_EQ(check(), "");
+  store.controls().set_free_bytes(Health::kMinFreeBytes - 1);
+  EXPECT_EQ(check(), "the disk of the store is full: 15 MiB are free");
+  store.controls().set_free_bytes(Health::kMinFreeBytes);
+  EXPECT_EQ(check(), "");
+
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  deliver_all(worker);
+  fill_disk();  // for example without free inodes
+  pump();
+  EXPECT_EQ(check(), "jobs are paused because the disk of the store is full");
+  EXPECT_NE(view(job).reason.find("the job resumes when 256 MiB are free"), std::string::npos);
+  free_disk();
+  store.controls().set_free_bytes(kRoomForJobs);
+  check();  // resumes the job
+  EXPECT_EQ(check(), "");
+}
+
 TEST_F(FailedWriteTest, PauseByUserOutlastsFullDisk) {
   const std::string job = create_job("a");
   auto worker = join("w1");

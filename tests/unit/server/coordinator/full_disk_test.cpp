@@ -44,6 +44,19 @@ class FullDisk : public ::testing::Test {
   std::uint64_t random_ = 42;
 };
 
+TEST_F(FullDisk, ErrorNamesDiskAndWhatToDo) {
+  std::vector<std::string> answers;
+  disk_.fail_sqlite_writes("store.db-wal");
+  create("first", answers);
+  pump();
+  ASSERT_EQ(answers.size(), 1u);
+  EXPECT_NE(answers.front().find("RESOURCE_EXHAUSTED: the disk of " + folder_.path() +
+                                 "/store/store.db is full ("),
+            std::string::npos)
+      << answers.front();
+  EXPECT_NE(answers.front().find("remove ended jobs with `tessera remove`"), std::string::npos);
+}
+
 TEST_F(FullDisk, JobIsCreatedBesideCancelThatTakesReserve) {
   std::vector<std::string> answers;
   create("first", answers);
