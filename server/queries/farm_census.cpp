@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/queries/farm_queries.h"
@@ -11,8 +12,14 @@
 namespace tessera::server {
 namespace {
 
+/// Units for which one more worker is useful: those per pod of the example of an autoscaler
+/// (deploy/kubernetes/autoscaled).
+constexpr std::int64_t kUnitsPerWorker = 32;
+
 /// Values of the gauges, from one pass over jobs and workers. Jobs may change during it.
 struct Census {
+  explicit Census(Limits limits) : room(std::move(limits)) {}
+
   std::array<std::int64_t, 6> jobs{};         // by JobState − 1
   std::array<std::int64_t, 3> paused_jobs{};  // by PauseCause − 1
   std::int64_t waiting = 0, blocked = 0, paused = 0, leased = 0, committed = 0;
@@ -21,6 +28,8 @@ struct Census {
 
   std::map<std::string, double> pool_waiting, pool_oldest, pool_threads;  // by pool
   std::map<std::string, double> limit_units, limit_used;                  // by limit
+  std::map<std::string, double> for_new_workers = {{new_workers_key("", ""), 0}};
+  Limits room;  // with the units that are counted for new workers
 
   void add(const FarmView& farm, const Job& job) {
     const Scheduler& scheduler = farm.scheduler();
@@ -43,10 +52,29 @@ struct Census {
     waiting += open;
     blocked += rest - open;
     if (open == 0 || scheduler.limits().table().room(job.spec->limits) == 0) return;
+    add_for_new_workers(job, open);
     const std::string pool = job.spec->pool.empty() ? kDefaultPool : job.spec->pool;
     pool_waiting[pool] += static_cast<double>(open);
     double& oldest = pool_oldest[pool];
     if (job.waiting_since) oldest = std::max(oldest, seconds(farm.now() - *job.waiting_since));
+  }
+  /// Counts those of the `open` units that workers could take which connect now, beside the present
+  /// ones.
+  void add_for_new_workers(const Job& job, std::int64_t open) {
+    const JobSpec& spec = *job.spec;
+    std::int64_t units = job.lost_asset.empty() ? std::min(open, room.room(spec.limits)) : 0;
+    if (spec.max_workers > 0) {
+      const auto holders = static_cast<std::int64_t>(job.holders.size());
+      const std::int64_t further = std::max<std::int64_t>(spec.max_workers - holders, 0);
+      units = std::min(units, further * kUnitsPerWorker);
+    }
+    room.take(spec.limits, units);  // other jobs may name the same limits
+    for_new_workers[new_workers_key(spec.pool, spec.required_tag)] += static_cast<double>(units);
+  }
+  /// Tag and pool as FarmMetrics::Pools::units_for_new_workers has them. Without a tag first, so
+  /// that clients cannot displace these with tags of their own.
+  static std::string new_workers_key(const std::string& pool, const std::string& tag) {
+    return tag + "\n" + (pool.empty() ? kDefaultPool : pool);
   }
   /// Returns how many of the units that are not leased no other job blocks.
   static std::int64_t leasable(const Job& job, std::int64_t rest) {
@@ -67,6 +95,7 @@ struct Census {
       ++working;
       threads += worker.thread_count;
       pool_threads[worker.pool] += worker.thread_count;
+      for_new_workers.try_emplace(new_workers_key(worker.pool, ""), 0);
     } else if (worker.quarantined) {
       ++quarantined;
     } else if (worker.left) {
@@ -113,7 +142,10 @@ std::map<std::string, double> used_fractions(const ClientQuotas& quotas,
 
 std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
   FarmMetrics& metrics = parts_.farm.metrics();
-  Census census;
+  Census census([this] {
+    const FarmView view(parts_.farm);
+    return view.scheduler().limits().table();
+  }());
   for (JobKey next = 0; next >= 0;) next = add_jobs(parts_.farm, next, census);
   {
     const FarmView view(parts_.farm);
@@ -144,6 +176,7 @@ std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
   }
   for (const auto& [pool, count] : census.pool_waiting) census.pool_threads.try_emplace(pool, 0);
   metrics.pools.units_waiting.set(census.pool_waiting);
+  metrics.pools.units_for_new_workers.set(census.for_new_workers);
   metrics.pools.oldest_wait_seconds.set(census.pool_oldest);
   metrics.pools.worker_threads.set(census.pool_threads);
   metrics.limits.units.set(census.limit_units);

@@ -50,10 +50,11 @@ class FarmMetrics {
   prometheus::Gauge &worker_threads, &ingest_bytes, &film_bytes, &film_queue_length, &store_bytes,
       &store_free_bytes, &store_quota_bytes;
 
-  /// By pool: units that a worker of it could be leased now, the longest time that a job of it has
-  /// waited for a lease, and the threads of its workers.
+  /// By pool: units that a worker of it could be leased now; by required tag and pool, those that
+  /// further workers could; by pool, the longest time that a job of it has waited for a lease, and
+  /// the threads of its workers.
   struct Pools {
-    LabelledGauges units_waiting, oldest_wait_seconds, worker_threads;
+    LabelledGauges units_waiting, units_for_new_workers, oldest_wait_seconds, worker_threads;
   } pools;
   struct LimitGauges {
     LabelledGauges units, used_units;

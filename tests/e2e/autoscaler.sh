@@ -87,7 +87,8 @@ spec:
   versionPriority: 100
 YAML
 kubectl apply -f "$work/adapter.yaml" >/dev/null
-has_metric() { kubectl get --raw /apis/external.metrics.k8s.io/v1beta1/namespaces/tessera/tessera_units_waiting >"$work/metric.json" 2>/dev/null; }
+metric=/apis/external.metrics.k8s.io/v1beta1/namespaces/tessera/tessera_pool_units_for_new_workers
+has_metric() { kubectl get --raw "$metric?labelSelector=namespace%3Dtessera%2Cpool%3Ddefault" >"$work/metric.json" 2>/dev/null; }
 wait_until 60 "the API server asks the adapter" has_metric
 equal "nothing waits yet" "$(json "$work/metric.json" 'd["items"][0]["value"]')" 0
 
@@ -131,6 +132,16 @@ sync_workers() {
 has_pods() { sync_workers && [ "$pods" -eq "$1" ]; }
 wait_until 60 "there is one worker" has_pods 1
 say "one worker while nothing waits"
+
+# Units that no further worker could take start no pods: of another pool, with a tag, of a job with all its workers.
+small=("$scenes/lit_square.gltf" --size 256x256 --spp 2000 --tile-size 16)
+night=$(farm submit "${small[@]}" --pool night)
+gpu=$(farm submit "${small[@]}" --require-tag gpu)
+alone=$(farm submit "${small[@]}" --max-workers 1)
+wait_until 60 "the worker renders" committed_at_least "$alone" 1
+for _ in 1 2 3 4 5 6 7 8; do sync_workers && sleep 1; done
+equal "workers while no other could take what waits" "$most" 1
+for other in "$night" "$gpu" "$alone"; do farm cancel "$other" >/dev/null; done
 
 job=$(farm submit "$scenes/lit_square.gltf" --size 256x256 --spp "${SPP:-2000}" --tile-size 16 --name many)
 has_at_least() { sync_workers && [ "$pods" -ge "$1" ]; }

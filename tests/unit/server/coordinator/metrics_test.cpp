@@ -2,11 +2,13 @@
 
 #include <prometheus/text_serializer.h>
 
+#include <functional>
 #include <map>
 #include <sstream>
 #include <string>
 #include <utility>
 
+#include "contract/digest.h"
 #include "tests/unit/server/coordinator/coordinator_fixture.h"
 
 namespace tessera::server {
@@ -141,6 +143,70 @@ TEST_F(MetricsTest, AuditsAndQuarantinesAreCounted) {
             static_cast<double>(report.counters.mismatched));
   EXPECT_GE(report.counters.audited, report.view.unit_count);
   EXPECT_EQ(values.at("tessera_audits_total"), static_cast<double>(report.counters.audited));
+}
+
+TEST_F(MetricsTest, UnitsForNewWorkersAreThoseTheyCouldTake) {
+  const auto units = [&](const std::string& pool, const std::string& tag) {
+    const auto values = scrape();
+    const auto found = values.find("tessera_pool_units_for_new_workers{pool=\"" + pool +
+                                   "\",tag=\"" + tag + "\"}");
+    return found == values.end() ? -1 : found->second;
+  };
+  const auto add = [&](const std::string& name, const std::function<void(JobSpec&)>& change) {
+    JobSpec spec = spec_of(name);  // 6 units
+    change(spec);
+    const auto created = create(spec);
+    EXPECT_TRUE(created.ok()) << created.status();
+    return created->view.spec->id;
+  };
+  EXPECT_EQ(units("default", ""), 0) << "an autoscaler needs a value";
+  EXPECT_EQ(units("night", ""), -1);
+  const std::string plain = add("plain", [](JobSpec&) {});
+  EXPECT_EQ(units("default", ""), 6);
+  add("night", [](JobSpec& spec) { spec.pool = "night"; });
+  add("gpu", [](JobSpec& spec) { spec.required_tag = "gpu"; });
+  EXPECT_EQ(units("default", ""), 6) << "neither another pool's nor those that need a tag";
+  EXPECT_EQ(units("night", ""), 6);
+  EXPECT_EQ(units("default", "gpu"), 6);
+  add("later", [&](JobSpec& spec) { spec.after = {{plain, Dependency::Kind::success}}; });
+  EXPECT_EQ(units("default", ""), 6) << "blocked by another job";
+
+  coordinator->settings().set_limit("licence", 8, [](const auto&) {});
+  pump();
+  for (const char* name : {"one", "two", "three"}) {
+    add(name, [](JobSpec& spec) { spec.limits = {{"licence", 1}}; });
+  }
+  EXPECT_EQ(units("default", ""), 6 + 8) << "the three jobs share the limit";
+  coordinator->settings().set_limit("licence", 0, [](const auto&) {});
+  pump();
+  EXPECT_EQ(units("default", ""), 6);
+
+  ASSERT_TRUE(change(plain, JobAdmin::Change::pause).ok());
+  const std::string alone = add("alone", [](JobSpec& spec) {
+    spec.max_workers = 1;
+    spec.settings.tile = 1;
+  });
+  ASSERT_GT(view(alone).unit_count, 2 * 32);
+  EXPECT_EQ(units("default", ""), 32) << "a second worker could take none";
+  join("w", 2);
+  EXPECT_EQ(view(alone).state, JobState::running);
+  EXPECT_EQ(units("default", ""), 0);
+  EXPECT_EQ(scrape().at(R"(tessera_pool_units_waiting{pool="default"})"),
+            static_cast<double>(view(alone).unit_count - 2 + 6))
+      << "this worker can take them; those that need a tag count as well";
+}
+
+TEST_F(MetricsTest, UnitsWithLostSceneNeedNoNewWorkers) {
+  const contract::Digest scene = contract::sha256("scene");
+  ASSERT_TRUE(store.assets().add(scene, "scene").ok());
+  JobSpec spec = spec_of("a");
+  spec.assets = {{"scene.glb", scene, 5}};
+  ASSERT_TRUE(create(spec).ok());
+  EXPECT_EQ(scrape().at(R"(tessera_pool_units_for_new_workers{pool="default",tag=""})"), 6);
+  store.assets().lose(scene);
+  coordinator->assets().note_lost(scene);
+  pump();
+  EXPECT_EQ(scrape().at(R"(tessera_pool_units_for_new_workers{pool="default",tag=""})"), 0);
 }
 
 TEST_F(MetricsTest, PoolsAndLimitsAreShown) {
