@@ -230,9 +230,13 @@ class Client : public FarmClient {
     return order<v1::DrainWorkerRequest, v1::DrainWorkerResponse>(
         &v1::WorkerService::Stub::DrainWorker, worker_id);
   }
-  absl::Status ban_worker(const std::string& worker_id) override {
-    return order<v1::BanWorkerRequest, v1::BanWorkerResponse>(&v1::WorkerService::Stub::BanWorker,
-                                                              worker_id);
+  absl::StatusOr<std::vector<std::string>> ban_worker(const std::string& worker_id) override {
+    v1::BanWorkerRequest request;
+    request.set_worker_id(worker_id);
+    v1::BanWorkerResponse response;
+    absl::Status status = unary(workers_, &v1::WorkerService::Stub::BanWorker, request, response);
+    if (!status.ok()) return status;
+    return std::vector<std::string>(response.worker_ids().begin(), response.worker_ids().end());
   }
   absl::Status allow_worker(const std::string& worker_id) override {
     return order<v1::AllowWorkerRequest, v1::AllowWorkerResponse>(

@@ -81,7 +81,8 @@ class FarmClient {
                                     const std::function<bool(const v1::Event&)>& visit) = 0;
   /// `worker_id`: the complete ID, as in the following calls.
   virtual absl::Status drain_worker(const std::string& worker_id) = 0;
-  virtual absl::Status ban_worker(const std::string& worker_id) = 0;
+  /// Returns the IDs of the banned workers: this one and those with its certificate.
+  virtual absl::StatusOr<std::vector<std::string>> ban_worker(const std::string& worker_id) = 0;
   virtual absl::Status allow_worker(const std::string& worker_id) = 0;
   /// An empty pool: the one that the worker names itself.
   virtual absl::Status move_worker(const std::string& worker_id, const std::string& pool) = 0;

@@ -255,6 +255,8 @@ void BlockIntake::check_group(Group& group) {
       if (change.scheduler().audits().wants_audit(*job, header.unit(), block.worker_id,
                                                   change.now())) {
         commit.record.audit = AuditState::open;
+      } else {
+        warn_of_shared_certificate(change, *job, block.worker_id);
       }
       commit.block = std::move(block.bytes);
       JobGroup& of_job = group.jobs[commit.job_id];
@@ -262,6 +264,18 @@ void BlockIntake::check_group(Group& group) {
       of_job.blocks.push_back(std::move(block));
     }
   }
+}
+
+void BlockIntake::warn_of_shared_certificate(FarmChange& change, Job& job,
+                                             const std::string& worker_id) {
+  const std::vector<std::string> sharers =
+      change.scheduler().audits().note_unaudited(job, worker_id, change.now());
+  if (sharers.empty()) return;
+  const std::string& certificate = change.scheduler().workers().find(worker_id)->certificate;
+  change.log(LogLevel::warn,
+             absl::StrCat("job ", job.spec->id, ": its units are not audited, because its ",
+                          sharers.size(), " workers share the certificate ", certificate,
+                          " and count as one; give each worker a certificate of its own"));
 }
 
 /// Acknowledges what is durable now. `status`: of the round's transaction.

@@ -131,6 +131,7 @@ class BlockIntake {
   void note_committed(FarmChange& change, Job& job, const UnitRecord& record, Delivered& block);
   void count_committed(FarmChange& change, Job& job, const UnitRecord& record,
                        std::int64_t samples);
+  void warn_of_shared_certificate(FarmChange& change, Job& job, const std::string& worker_id);
   void note_failed(FarmChange& change, const std::string& job_id, const JobGroup& group);
 
   FarmState& farm_;

@@ -99,11 +99,14 @@ grpc::ServerUnaryReactor* WorkerService::DrainWorker(grpc::CallbackServerContext
 
 grpc::ServerUnaryReactor* WorkerService::BanWorker(grpc::CallbackServerContext* context,
                                                    const v1::BanWorkerRequest* request,
-                                                   v1::BanWorkerResponse* /*response*/) {
+                                                   v1::BanWorkerResponse* response) {
   const absl::Status status = access_.admit(*context, "WorkerService.BanWorker").status();
   if (!status.ok()) return finish(context, status);
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  coordinator_.workers().ban_worker(request->worker_id(), answer_with(reactor));
+  coordinator_.workers().ban_worker(request->worker_id(), [reactor, response](const auto& banned) {
+    if (banned.ok()) response->mutable_worker_ids()->Add(banned->begin(), banned->end());
+    reactor->Finish(contract::to_rpc(banned.status()));
+  });
   return reactor;
 }
 

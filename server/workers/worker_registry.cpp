@@ -241,12 +241,11 @@ absl::Status WorkerRegistry::drain_worker(const std::string& worker_id) {
   return absl::OkStatus();
 }
 
-void WorkerRegistry::ban_worker(const std::string& worker_id,
-                                std::function<void(absl::Status)> done) {
+void WorkerRegistry::ban_worker(const std::string& worker_id, OnBanned done) {
   pipeline_.post([this, worker_id, done = std::move(done)] { done(ban_now(worker_id)); });
 }
 
-absl::Status WorkerRegistry::ban_now(const std::string& worker_id) {
+absl::StatusOr<std::vector<std::string>> WorkerRegistry::ban_now(const std::string& worker_id) {
   std::vector<std::string> names;
   {
     FarmChange change(farm_);
@@ -264,8 +263,16 @@ absl::Status WorkerRegistry::ban_now(const std::string& worker_id) {
   FarmChange change(farm_);
   change.scheduler().quarantine().ban(worker_id);
   change.scheduler().dispatcher().dispatch_all(change.now());
-  change.log(LogLevel::warn, absl::StrCat("worker ", worker_id, " is banned"));
-  return absl::OkStatus();
+  const WorkerTable& workers = change.scheduler().workers();
+  std::vector<std::string> banned;
+  for (const WorkerKey key : workers.of_witness(workers.witness_of(worker_id))) {
+    banned.push_back(workers.at(key).id);
+    change.log(LogLevel::warn,
+               absl::StrCat("worker ", banned.back(), " is banned",
+                            banned.back() == worker_id ? "" : ": it has the certificate of worker ",
+                            banned.back() == worker_id ? "" : worker_id));
+  }
+  return banned;
 }
 
 void WorkerRegistry::allow_worker(const std::string& worker_id,

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "server/commit/commit_pipeline.h"
 #include "server/state/farm_state.h"
 #include "server/store/store.h"
@@ -86,9 +87,10 @@ class WorkerRegistry final : public EffectHandler {
   // Operators' orders.
   /// Drains a worker. Errors: NotFound, it is not connected.
   absl::Status drain_worker(const std::string& worker_id);
-  /// Bans a worker durably, then calls `done`. Errors: NotFound, it was not connected within the
-  /// last hour.
-  void ban_worker(const std::string& worker_id, std::function<void(absl::Status)> done);
+  using OnBanned = std::function<void(const absl::StatusOr<std::vector<std::string>>& workers)>;
+  /// Bans a worker and all with its certificate durably, then calls `done` with the IDs of those
+  /// that are known. Errors: NotFound, it was not connected within the last hour.
+  void ban_worker(const std::string& worker_id, OnBanned done);
   /// Lifts a ban or quarantine durably, then calls `done`. Errors: NotFound, unknown worker without
   /// a ban.
   void allow_worker(const std::string& worker_id, std::function<void(absl::Status)> done);
@@ -111,7 +113,7 @@ class WorkerRegistry final : public EffectHandler {
   void close_lost(FarmChange& change, WorkerKey key);
   void close_unread(FarmChange& change, WorkerKey key);
   void note_left(FarmChange& change, WorkerKey key);
-  absl::Status ban_now(const std::string& worker_id);
+  absl::StatusOr<std::vector<std::string>> ban_now(const std::string& worker_id);
   absl::Status allow_now(const std::string& worker_id);
 
   FarmState& farm_;

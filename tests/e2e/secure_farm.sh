@@ -75,6 +75,21 @@ start_secure_server "$address"
 wait_until 60 "the worker has come back with its key" is_connected
 say "a worker comes back to a restarted server after its token was revoked"
 
+tessera-server issue-cert "$certs" --role admin --name root >/dev/null
+tessera-server tokens create --store "$work/store" --out "$work/second.token"
+"${worker[@]}" --name two --id w-two --cache "$work/cache-two" --token "$work/second.token" >>"$work/worker-two.log" 2>&1 &
+worker_pid[two]=$!
+share() { [ "$(as admin-root workers --json | grep -c '"certificate": *"rack"')" -eq 2 ]; }
+wait_until 60 "two workers share a certificate" share
+exits 0 as admin-root workers
+says "warning: 2 workers share the certificate rack"
+exits 0 as admin-root workers ban one
+says "2 connected workers have the certificate rack; the ban is for all: "
+says "w-two is banned"
+equal "workers that the ban names" "$(grep -c "is banned" "$work/out")" 2
+as admin-root workers allow one
+kill_worker two
+
 tessera-server revoke "$certs" --role worker --name rack
 wait_until 30 "the revoked worker has ended" gone "${worker_pid[one]}"
 grep -q "revoked" "$work/worker-one.log" || fail "the worker does not say why"

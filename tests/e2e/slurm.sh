@@ -14,6 +14,16 @@ done
 
 slurm=$(mktemp -d "${TMPDIR:-/tmp}/tessera-slurm.XXXXXX")  # not in $work: munge's user looks into it
 sbatch_file=$(cd "$(dirname "$0")/../.." && pwd)/deploy/slurm/workers.sbatch
+mkdir -p "$work/stub" "$work/certs/n1"
+printf '#!/bin/sh\necho "$TESSERA_CERTS"\n' >"$work/stub/tessera-worker"
+chmod +x "$work/stub/tessera-worker"
+# certs_of NODE: prints the certificates with which the script starts a worker there.
+certs_of() {
+  PATH=$work/stub:$PATH TESSERA_SERVER=$socket TESSERA_CERTS=$work/certs SLURMD_NODENAME=$1 SLURM_ARRAY_JOB_ID=1 \
+    SLURM_ARRAY_TASK_ID=1 bash "$sbatch_file"
+}
+equal "a node's worker has the node's certificate" "$(certs_of n1)" "$work/certs/n1"
+equal "without one it has the common certificate" "$(certs_of n2)" "$work/certs"
 chmod 755 "$slurm"
 mkdir -m 755 "$slurm/run" "$slurm/state" "$slurm/log" "$slurm/spool" "$slurm/munge-run"
 mkdir -m 700 "$slurm/munge"

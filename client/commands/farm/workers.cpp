@@ -1,7 +1,11 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -53,6 +57,7 @@ nlohmann::ordered_json document_of(const v1::Worker& worker) {
           {"tags", tags},
           {"pool", worker.pool()},
           {"note", worker.note()},
+          {"certificate", worker.certificate()},
           {"units_leased", worker.leased_unit_count()},
           {"units_committed", worker.committed_unit_count()},
           {"cpu_seconds", worker.cpu_seconds()},
@@ -61,6 +66,17 @@ nlohmann::ordered_json document_of(const v1::Worker& worker) {
                                   ? nlohmann::ordered_json(to_seconds(worker.silence()))
                                   : nlohmann::ordered_json()},
           {"connected", worker.connected()}};
+}
+
+/// Returns the IDs of the workers with each certificate.
+std::map<std::string, std::vector<std::string>> by_certificate(
+    const std::vector<v1::Worker>& workers) {
+  std::map<std::string, std::vector<std::string>> found;
+  for (const v1::Worker& worker : workers) {
+    if (worker.certificate().empty() || worker.state() == v1::Worker::STATE_LOST) continue;
+    found[worker.certificate()].push_back(worker.id());
+  }
+  return found;
 }
 
 int run(const WorkersOptions& options, const Connection& connection) {
@@ -86,6 +102,13 @@ int run(const WorkersOptions& options, const Connection& connection) {
          format_bytes(static_cast<double>(worker.rss_bytes())), worker.host(), worker.name()});
   }
   std::fputs(table.text().c_str(), stdout);
+  for (const auto& [certificate, ids] : by_certificate(*workers)) {
+    if (ids.size() < 2) continue;
+    std::fprintf(stderr,
+                 "warning: %zu workers share the certificate %s: they do not audit each other, and "
+                 "a ban of one bans all\n",
+                 ids.size(), certificate.c_str());
+  }
   return kExitDone;
 }
 
@@ -100,8 +123,6 @@ struct Order {
 constexpr Order kOrders[] = {
     {"drain", "Drain a worker: finish started units, return the rest, exit", "is draining",
      &FarmClient::drain_worker},
-    {"ban", "Ban a worker: lease it nothing and reject its results; lasts across server restarts",
-     "is banned", &FarmClient::ban_worker},
     {"allow", "Lift a worker's ban or quarantine", "is allowed", &FarmClient::allow_worker},
     {"bring-back", "Return a set-aside worker to service", "is back in service",
      &FarmClient::bring_back_worker},
@@ -141,6 +162,42 @@ int run_order(const Order& order, const std::string& text, const Connection& con
   if (const absl::Status status = ((**client).*order.call)(*id); !status.ok()) return fail(status);
   std::printf("%s %s\n", id->c_str(), order.result);
   return kExitDone;
+}
+
+/// Says which workers the ban will affect before it bans them.
+int run_ban(const std::string& text, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto id = find_worker(**client, text);
+  if (!id.ok()) return fail(id.status());
+  const auto workers = (*client)->list_workers();
+  if (!workers.ok()) return fail(workers.status());
+  for (const auto& [certificate, ids] : by_certificate(*workers)) {
+    if (ids.size() < 2 || std::find(ids.begin(), ids.end(), *id) == ids.end()) continue;
+    std::fprintf(stderr, "%zu connected workers have the certificate %s; the ban is for all: %s\n",
+                 ids.size(), certificate.c_str(), absl::StrJoin(ids, " ").c_str());
+  }
+  const auto banned = (*client)->ban_worker(*id);
+  if (!banned.ok()) return fail(banned.status());
+  // A server of an earlier version does not list them.
+  const std::vector<std::string> listed = banned->empty() ? std::vector{*id} : *banned;
+  for (const std::string& worker : listed) std::printf("%s is banned\n", worker.c_str());
+  return kExitDone;
+}
+
+void add_ban(CLI::App& command, Invocation& invocation) {
+  auto worker = std::make_shared<std::string>();
+  CLI::App* sub = cli::add_command(
+      command, "ban",
+      "Ban a worker: lease it nothing and reject its results; lasts across server restarts");
+  add_connection_options(*sub, invocation.connection);
+  sub->add_option("worker", *worker, "Worker ID, unique prefix, or name")->required();
+  sub->footer(
+      "All workers with the same certificate are banned; the command lists them.\n"
+      "Example:\n  tessera workers ban w-0f3a");
+  sub->callback([worker, &invocation] {
+    invocation.run = [worker, &invocation] { return run_ban(*worker, invocation.connection); };
+  });
 }
 
 struct MoveOptions {
@@ -268,6 +325,7 @@ void add_blocks(CLI::App& command, Invocation& invocation) {
 }
 
 void add_orders(CLI::App& command, Invocation& invocation) {
+  add_ban(command, invocation);
   add_move(command, invocation);
   add_set_aside(command, invocation);
   add_blocks(command, invocation);

@@ -28,6 +28,20 @@ bool Audits::wants_audit(const Job& job, const Unit& unit, const std::string& wo
   return is_first || is_drawn_for_audit(identity_.store_key, job.spec->id, unit, fraction);
 }
 
+std::vector<std::string> Audits::note_unaudited(Job& job, const std::string& worker_id, Time now) {
+  if (policy_.audit_fraction == 0 || job.is_unaudited || absences_.is_grace(now)) return {};
+  const std::string witness = workers_.witness_of(worker_id);
+  if (witnesses_.has_witness_beyond(job, {witness})) return {};
+  std::vector<std::string> sharers;
+  for (const WorkerKey key : workers_.of_witness(witness)) {
+    const Worker& worker = workers_.at(key);
+    if (witnesses_.could_audit(worker, job)) sharers.push_back(worker.id);
+  }
+  if (sharers.size() < 2) return {};
+  job.is_unaudited = true;
+  return sharers;
+}
+
 void Audits::open_audit(Job& job, const Unit& unit, const std::string& worker_id,
                         const contract::Digest& committed) {
   const auto [audit, is_new] =

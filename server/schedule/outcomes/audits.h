@@ -41,6 +41,9 @@ class Audits {
   /// one may be back soon after a restart, and the unit is drawn or the worker's first since then.
   bool wants_audit(const Job& job, const contract::Unit& unit, const std::string& worker_id,
                    Time now);
+  /// Returns, once for a job, the workers that share a certificate with this one if there are any,
+  /// and all workers of the job do: none of its units can be audited. Else returns nothing.
+  std::vector<std::string> note_unaudited(Job& job, const std::string& worker_id, Time now);
   /// Has others render a committed unit again. Idempotent.
   void open_audit(Job& job, const contract::Unit& unit, const std::string& worker_id,
                   const contract::Digest& committed);

@@ -115,6 +115,7 @@ struct Job {
   std::optional<JobPlan> plan;  // created by the first lease
   bool is_blocked = false;      // by another job: none of its units may be leased
   bool is_over_budget = false;  // likewise, by a budget
+  bool is_unaudited = false;    // Audits::note_unaudited() has told why
   /// URI of a scene file that the store has lost; empty: none. See JobChanges::lose_asset().
   std::string lost_asset;
   std::set<std::int32_t> blocked_frames;  // each by the same frame of another job

@@ -80,6 +80,7 @@ v1::Worker to_message(const Worker& worker, std::optional<double> silence_second
   message.set_rss_bytes(worker.rss_bytes);
   message.set_pool(worker.pool);
   message.set_note(worker.note);
+  message.set_certificate(worker.certificate);
   message.set_connected(worker.connected);
   if (silence_seconds) set_duration(*silence_seconds, *message.mutable_silence());
   return message;

@@ -313,7 +313,7 @@ class Operator {
       timed("DrainWorker", [&] { return client_.drain_worker(worker); });
       return;
     }
-    timed("BanWorker", [&] { return client_.ban_worker(worker); });
+    timed("BanWorker", [&] { return client_.ban_worker(worker).status(); });
     timed("AllowWorker", [&] { return client_.allow_worker(worker); });
   }
 

@@ -391,5 +391,39 @@ TEST_F(AuditTest, QuarantineSurvivesReconnect) {
   EXPECT_TRUE(again.units.empty());
 }
 
+TEST_F(AuditTest, SharedCertificateIsReportedOncePerJob) {
+  int warnings = 0;
+  options.log = [&](LogLevel level, const std::string& text) {
+    if (text.find("units are not audited") == std::string::npos) return;
+    ++warnings;
+    EXPECT_EQ(level, LogLevel::warn);
+    EXPECT_NE(text.find("its 2 workers share the certificate pods"), std::string::npos) << text;
+  };
+  start();
+  now += std::chrono::seconds(10);  // no worker may be coming back
+  TestWorker one = join("one", 64, "pods");
+  finish_job(one, create_job("alone"));
+  EXPECT_EQ(warnings, 0) << "a single worker audits nothing, whatever its certificate";
+  TestWorker two = join("two", 64, "pods");
+  const std::string job = create_job("a");
+  finish_job(one, job);
+  finish_job(two, job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(warnings, 1);
+  TestWorker other = join("other", 64, "elsewhere");
+  const std::string audited = create_job("b");
+  for (int round = 0; round < 9; ++round) {
+    for (TestWorker* worker : {&one, &two, &other}) {
+      coordinator->workers().grant_credits(worker->session, 4);
+      collect(*worker);
+      deliver_all(*worker);
+      pump();
+    }
+  }
+  EXPECT_EQ(view(audited).state, JobState::done);
+  EXPECT_GT(coordinator->queries().report(audited)->counters.audited, 0);
+  EXPECT_EQ(warnings, 1);
+}
+
 }  // namespace
 }  // namespace tessera::server

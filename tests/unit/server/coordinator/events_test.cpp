@@ -247,7 +247,10 @@ class Events : public CoordinatorFixture {
   }
   absl::Status ban(const std::string& id) {
     absl::Status result = absl::UnknownError("no answer");
-    coordinator->workers().ban_worker(id, [&](const absl::Status& status) { result = status; });
+    coordinator->workers().ban_worker(id, [&](const auto& banned) {
+      result = banned.status();
+      banned_ = banned.value_or(std::vector<std::string>());
+    });
     pump();
     return result;
   }
@@ -257,6 +260,7 @@ class Events : public CoordinatorFixture {
     pump();
     return result;
   }
+  std::vector<std::string> banned_;  // by the last ban()
 };
 
 TEST_F(Events, JobLifecycleIsRecorded) {
@@ -268,6 +272,18 @@ TEST_F(Events, JobLifecycleIsRecorded) {
                          EventKind::frame_finished, EventKind::job_done}));
   EXPECT_TRUE(remove(job).ok());
   EXPECT_EQ(kinds().back(), EventKind::job_removed);
+}
+
+TEST_F(Events, BanNamesWorkersWithItsCertificate) {
+  join("w1", 64, "pods");
+  join("w2", 64, "pods");
+  join("other", 64, "elsewhere");
+  ASSERT_TRUE(ban("w2").ok());
+  EXPECT_EQ(banned_, (std::vector<std::string>{"w1", "w2"}));
+  join("alone");
+  join("alone too");
+  ASSERT_TRUE(ban("alone").ok());
+  EXPECT_EQ(banned_, (std::vector<std::string>{"alone"}));
 }
 
 TEST_F(Events, BanHoldsForCertificateAfterRestart) {
