@@ -20,6 +20,7 @@
 #include "server/config.h"
 #include "server/coordinator/coordinator.h"
 #include "server/identity/join_tokens.h"
+#include "server/service/grpc_log.h"
 #include "server/service/messages/job_messages.h"
 #include "server/service/server.h"
 #include "server/store/files/filesystem.h"
@@ -122,6 +123,7 @@ absl::Status forget_old_joins(Store& store, const std::string& folder) {
 
 int serve(const Config& config, const sigset_t& signals) {
   const FarmOptions options = options_of(config);
+  limit_grpc_log(options.log);
   StoreOptions store_options;
   store_options.warn = [log = options.log](const std::string& line) { log(LogLevel::warn, line); };
   store_options.synced = [metrics = options.metrics](double seconds) {

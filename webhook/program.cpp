@@ -134,7 +134,8 @@ void add_options(CLI::App& app, WebhookOptions& options) {
          "File with the key for the signature header, Tessera-Signature: sha256=HMAC of the body")
       ->type_name("FILE");
   app.add_option("--events", options.relay.events,
-                 "Comma-separated list of events, e.g. \"job done,job failed\" (default: all)")
+                 "Comma-separated list of events, e.g. \"job done,job failed\" (default: all "
+                 "except log line)")
       ->delimiter(',')
       ->check(CLI::IsMember(event_names()));
   app.add_option(

@@ -90,6 +90,24 @@ equal "workers that the ban names" "$(grep -c "is banned" "$work/out")" 2
 as admin-root workers allow one
 kill_worker two
 
+python3 - "${address##*:}" <<'PROGRAM'
+import socket, ssl, sys
+context = ssl.create_default_context()
+context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+for _ in range(60):
+    try:
+        with socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=20) as raw:
+            with context.wrap_socket(raw) as peer:  # without a certificate
+                peer.recv(1)
+    except OSError:
+        pass
+PROGRAM
+handshake_lines() { grep -c "gRPC: .*andshake" "$work/server.log"; }
+[ "$(handshake_lines)" -ge 1 ] || fail "failed handshakes are not logged"
+[ "$(handshake_lines)" -le 30 ] || fail "60 failed handshakes wrote $(handshake_lines) lines"
+[ "$(grep -c andshake "$work/server.log")" -le 30 ] || fail "gRPC writes to the log directly"
+say "failed handshakes write few lines"
+
 tessera-server revoke "$certs" --role worker --name rack
 wait_until 30 "the revoked worker has ended" gone "${worker_pid[one]}"
 grep -q "revoked" "$work/worker-one.log" || fail "the worker does not say why"
