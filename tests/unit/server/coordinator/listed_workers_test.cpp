@@ -65,7 +65,7 @@ TEST_F(ListedWorkers, DecisionsAboutAbsentWorkersAreListed) {
   join("bad", 64, "rack");
   join("aside");
   const auto ignore = [](const absl::Status&) {};
-  coordinator->workers().ban_worker("bad", ignore);
+  coordinator->workers().ban_worker("bad", [](const auto&) {});
   coordinator->settings().set_aside("aside", "new memory", ignore);
   pump();
   EXPECT_TRUE(listed("bad").connected());
@@ -89,7 +89,7 @@ TEST_F(ListedWorkers, DecisionsAboutAbsentWorkersAreListed) {
 
 TEST_F(ListedWorkers, BannedCertificateIsListedByItsWorkers) {
   join("one", 64, "rack");
-  coordinator->workers().ban_worker("one", [](const absl::Status&) {});
+  coordinator->workers().ban_worker("one", [](const auto&) {});
   join("two", 64, "rack");
   EXPECT_EQ(state("one"), v1::Worker::STATE_QUARANTINED);
   EXPECT_EQ(state("two"), v1::Worker::STATE_QUARANTINED);
