@@ -30,6 +30,12 @@ void add_page(const std::vector<UsageSum>& sums, int size, v1::ListUsageResponse
   if (count < sums.size()) response.set_next_page_token(page_token_after(sums[count - 1]));
 }
 
+/// Returns whether the quota is about jobs and files, whose owners are known on every farm.
+bool is_of_jobs(const QuotaKind& kind) {
+  return kind.member == &ClientQuota::jobs || kind.member == &ClientQuota::gigasamples ||
+         kind.member == &ClientQuota::gb || kind.member == &ClientQuota::stored_gb;
+}
+
 /// Returns a function that answers SetShare or ResetShare.
 template <typename Response>
 ClientShares::Answer answer_with(Response* response, grpc::ServerUnaryReactor* reactor) {
@@ -191,7 +197,11 @@ v1::ClientQuotas FarmService::quotas_of(const std::string& client, const OwnerUs
     v1::QuotaUse& quota = *message.add_quotas();
     quota.set_quota(kind.name);
     quota.set_used(use.of(kind) + (limits == nullptr ? 0 : limits->used(client, kind, now)));
-    quota.set_limit(coordinator_.farm().options().client_quotas.of(client).*kind.member);
+    // Without certificates only quotas of jobs and files are in force.
+    const bool is_in_force = limits != nullptr || is_of_jobs(kind);
+    if (is_in_force) {
+      quota.set_limit(coordinator_.farm().options().client_quotas.of(client).*kind.member);
+    }
   }
   return message;
 }

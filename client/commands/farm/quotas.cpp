@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "cli/command.h"
 #include "client/api/farm_client.h"
@@ -27,14 +28,25 @@ nlohmann::ordered_json document_of(const std::vector<v1::ClientQuotas>& clients)
   return document;
 }
 
+constexpr double kGiga = 1e9;  // as in the server's options
+
+/// Returns whether the unit of the quota is 10⁹ bytes.
+bool is_bytes(const v1::QuotaUse& use) {
+  return use.quota() == "gb" || absl::EndsWith(use.quota(), "-gb");
+}
+
+/// Returns an amount of the quota with its unit.
+std::string amount_text(const v1::QuotaUse& use, double amount) {
+  return is_bytes(use) ? format_bytes(kGiga * amount) : absl::StrFormat("%.4g", amount);
+}
+
 void print_table(const std::vector<v1::ClientQuotas>& clients) {
-  Table table({"CLIENT", "QUOTA", "USED", "LIMIT"});
+  Table table({"CLIENT", "QUOTA", "USED", "LIMIT", "SHARE"});
   for (const v1::ClientQuotas& client : clients) {
     for (const v1::QuotaUse& use : client.quotas()) {
-      table.add({client.client(), use.quota(),
-                 use.limit() == 0 ? absl::StrFormat("%.4g", use.used())
-                                  : format_share(use.used(), use.limit()),
-                 use.limit() == 0 ? "unlimited" : absl::StrFormat("%.10g", use.limit())});
+      table.add({client.client(), use.quota(), amount_text(use, use.used()),
+                 use.limit() == 0 ? "unlimited" : amount_text(use, use.limit()),
+                 format_share(use.used(), use.limit())});
     }
   }
   std::fputs(table.text().c_str(), stdout);

@@ -56,6 +56,22 @@ v1::Budget budget_of(const std::string& name) {
   return budget;
 }
 
+TEST_F(AccountsService, QuotasOfCallsAreUnlimitedWithoutCertificates) {
+  create_job("a");
+  grpc::ClientContext context;
+  prepare(context);
+  v1::ListQuotasResponse response;
+  ASSERT_TRUE(farm()->ListQuotas(&context, {}, &response).ok());
+  ASSERT_EQ(response.clients_size(), 1);
+  EXPECT_EQ(response.clients(0).client(), "local");
+  for (const v1::QuotaUse& use : response.clients(0).quotas()) {
+    EXPECT_EQ(use.limit(), 0) << use.quota();
+    if (use.quota() == "jobs") {
+      EXPECT_EQ(use.used(), 1);
+    }
+  }
+}
+
 TEST_F(AccountsService, SharesAreCheckedAndListed) {
   const auto set = [&](const std::string& client, double weight) {
     grpc::ClientContext context;
