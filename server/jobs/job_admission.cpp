@@ -66,11 +66,21 @@ absl::Status check_owners_quota(const FarmView& farm, const JobSpec& spec, Owner
 }
 
 absl::Status check_limits_exist(const FarmView& farm, const std::vector<LimitUse>& uses) {
+  const Limits& limits = farm.scheduler().limits().table();
   for (const LimitUse& use : uses) {
-    if (farm.scheduler().limits().table().has(use.limit)) continue;
-    return absl::NotFoundError(absl::StrCat("limits: no limit \"", use.limit,
-                                            "\"; an operator creates it with `tessera limits set ",
-                                            use.limit, " N`"));
+    if (!limits.has(use.limit)) {
+      return absl::NotFoundError(
+          absl::StrCat("limits: no limit \"", use.limit,
+                       "\"; an operator creates it with `tessera limits set ", use.limit, " N`"));
+    }
+    // A limit of 0 stops jobs for a while; they may wait for it.
+    const std::int64_t units = *limits.all().at(use.limit).units;
+    if (units > 0 && use.units > units) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("limits: limit ", use.limit, " has ", units, units == 1 ? " unit" : " units",
+                       ", each unit of work of this job needs ", use.units, "; use at most ", units,
+                       ", or ask the operator to raise the limit"));
+    }
   }
   return absl::OkStatus();
 }

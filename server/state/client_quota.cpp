@@ -58,9 +58,9 @@ double ClientQuotas::largest(double ClientQuota::*member) const {
 absl::Status over_quota(const std::string& client, const QuotaKind& kind, double used,
                         double limit) {
   return absl::ResourceExhaustedError(absl::StrFormat(
-      "quota %s: client %s would use %.10g of %.10g %s; %s, or ask the operator to raise "
-      "--client-%s",
-      kind.name, client, used, limit, kind.what, kind.advice, kind.name));
+      "quota %s: client %s is limited to %.10g %s and would use %.10g; %s, or ask the operator to "
+      "raise --client-%s",
+      kind.name, client, limit, kind.what, used, kind.advice, kind.name));
 }
 
 void OwnerUse::add(const JobSpec& spec) {

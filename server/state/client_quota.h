@@ -36,7 +36,7 @@ struct ClientQuota {
 struct QuotaKind {
   const char* name;             // of the option --client-NAME
   double ClientQuota::*member;  // the limit
-  const char* what;             // with "uses 3 of 4 WHAT" in messages
+  const char* what;             // with "is limited to 4 WHAT" in messages
   const char* advice;           // what a client over the limit can do
 };
 /// All kinds, in the order of ClientQuota's members.

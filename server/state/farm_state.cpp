@@ -78,6 +78,7 @@ JobView FarmView::view(const Job& job) const {
   if (view.reason.empty() && (job.state == JobState::queued || job.state == JobState::running)) {
     view.reason = scheduler().waiting().wait_text(job);
   }
+  if (!view.reason.empty()) view.remaining_seconds.reset();  // a job that waits has no rate
   return view;
 }
 

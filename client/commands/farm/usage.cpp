@@ -63,6 +63,11 @@ absl::StatusOr<v1::ListUsageRequest> request_of(const UsageOptions& options) {
     if (!time.ok()) return time.status();
     *request.mutable_end_time() = *std::move(time);
   }
+  if (request.has_start_time() && request.has_end_time() &&
+      request.start_time().seconds() >= request.end_time().seconds()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--until: ", options.until, " is not later than --since, ", options.since));
+  }
   return request;
 }
 

@@ -10,6 +10,12 @@ std::string limit_text(const Limits& limits, const JobSpec& spec) {
   for (const LimitUse& use : spec.limits) {
     if (limits.room({use}) > 0) continue;
     const Limits::Limit& limit = limits.all().at(use.limit);
+    if (*limit.units > 0 && use.units > *limit.units) {
+      return absl::StrCat("limit ", use.limit, " has ", *limit.units,
+                          *limit.units == 1 ? " unit" : " units", ", a lease needs ", use.units,
+                          "; `tessera limits set` raises the limit, `tessera set ", spec.id,
+                          " --limit` changes the job");
+    }
     return absl::StrCat("limit ", use.limit, " is reached: ", limit.used, " of ", *limit.units,
                         " units are in use, a lease needs ", use.units);
   }

@@ -160,8 +160,8 @@ TEST_F(ConcurrentCalls, ClientWithoutFreePlaceIsRefused) {
   const grpc::Status refused = jobs("ann")->ListJobs(&context, {}, &response);
   EXPECT_EQ(refused.error_code(), StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(refused.error_message(),
-            "quota concurrent-calls: client ann would use 4 of 3 calls in progress; retry later, "
-            "and make fewer calls at the same time, or ask the operator to raise "
+            "quota concurrent-calls: client ann is limited to 3 calls in progress and would use 4; "
+            "retry later, and make fewer calls at the same time, or ask the operator to raise "
             "--client-concurrent-calls");
   EXPECT_EQ(context.GetServerTrailingMetadata().count(contract::kRetryKey), 1u);
   EXPECT_GE(std::chrono::steady_clock::now() - begun, std::chrono::milliseconds(250))

@@ -66,9 +66,10 @@ TEST_F(QuotasTest, JobsOverQuotaOfOneClientAreRefused) {
   create_job("ann", "two");
   const grpc::Status status = submit("ann", "three");
   EXPECT_EQ(status.error_code(), StatusCode::RESOURCE_EXHAUSTED);
-  EXPECT_EQ(status.error_message(),
-            "quota jobs: client ann would use 3 of 2 unfinished jobs; wait for jobs to finish, or "
-            "cancel some, or ask the operator to raise --client-jobs");
+  EXPECT_EQ(
+      status.error_message(),
+      "quota jobs: client ann is limited to 2 unfinished jobs and would use 3; wait for jobs to "
+      "finish, or cancel some, or ask the operator to raise --client-jobs");
   for (const char* name : {"four", "five", "six"}) create_job("bob", name);
   EXPECT_EQ(use_of("ann")["jobs"].used(), 2);
   EXPECT_EQ(use_of("ann")["jobs"].limit(), 2);
@@ -90,8 +91,9 @@ TEST_F(QuotasTest, EventSubscriptionsAreCountedApart) {
   ASSERT_TRUE(open->Read(&response));
   const grpc::Status refused = stub->WatchEvents(&second, request)->Finish();
   EXPECT_EQ(refused.error_code(), StatusCode::RESOURCE_EXHAUSTED);
-  EXPECT_NE(refused.error_message().find("quota event-subscriptions: client ann would use 2 of 1"),
-            std::string::npos)
+  EXPECT_NE(
+      refused.error_message().find("quota event-subscriptions: client ann is limited to 1 event"),
+      std::string::npos)
       << refused.error_message();
   EXPECT_EQ(use_of("ann")["event-subscriptions"].used(), 1);
   EXPECT_EQ(use_of("ann")["streams"].used(), 1);
@@ -128,8 +130,9 @@ TEST_F(FewConnections, OneMoreIsRefusedAndClosed) {
   const grpc::Status refused = try_call(more);
   EXPECT_EQ(refused.error_code(), StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(refused.error_message(),
-            "quota connections: client ann would use 4 of 3 open connections; end some programs "
-            "that use this certificate, or let one make their calls, or ask the operator to raise "
+            "quota connections: client ann is limited to 3 open connections and would use 4; end "
+            "some programs that use this certificate, or let one make their calls, or ask the "
+            "operator to raise "
             "--client-connections");
   EXPECT_EQ(refusals("connections"), 1);
   EXPECT_TRUE(more->WaitForStateChange(GRPC_CHANNEL_READY,
@@ -235,7 +238,7 @@ TEST_F(SmallStore, FilesOverQuotaAreRefused) {
   EXPECT_TRUE(upload("ann", std::string(60, 'a')).ok()) << "an existing file is not counted twice";
   const grpc::Status status = upload("ann", std::string(60, 'b'));
   EXPECT_EQ(status.error_code(), StatusCode::RESOURCE_EXHAUSTED);
-  EXPECT_NE(status.error_message().find("quota stored-gb: client ann would use 1.2e-07 of 1e-07"),
+  EXPECT_NE(status.error_message().find("quota stored-gb: client ann is limited to 1e-07 GB of"),
             std::string::npos)
       << status.error_message();
   EXPECT_TRUE(upload("bob", std::string(60, 'b')).ok());

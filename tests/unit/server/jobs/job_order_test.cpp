@@ -193,6 +193,37 @@ TEST_F(JobOrderTest, UnknownLimitIsRefused) {
             "N`");
 }
 
+TEST_F(JobOrderTest, UseAboveTotalOfLimitIsRefused) {
+  ASSERT_TRUE(set_limit("licence", 2).ok());
+  JobSpec spec = spec_of("a");
+  spec.limits = {{"licence", 3}};
+  const absl::Status status = create_status(spec);
+  EXPECT_TRUE(absl::IsInvalidArgument(status));
+  EXPECT_EQ(status.message(),
+            "limits: limit licence has 2 units, each unit of work of this job needs 3; use at most "
+            "2, or ask the operator to raise the limit");
+  const std::string job = create_job("b");
+  const auto use = [](std::int32_t units) {
+    return [units](auto& update) { update.limits = std::vector<LimitUse>{{"licence", units}}; };
+  };
+  EXPECT_TRUE(absl::IsInvalidArgument(update(job, use(3)).status()));
+  EXPECT_TRUE(update(job, use(2)).ok());
+}
+
+TEST_F(JobOrderTest, JobSaysThatLimitIsTooLowForIt) {
+  ASSERT_TRUE(set_limit("licence", 2).ok());
+  JobSpec spec = spec_of("a");
+  spec.limits = {{"licence", 2}};
+  const std::string job = create(spec)->view.spec->id;
+  ASSERT_TRUE(set_limit("licence", 1).ok());
+  TestWorker worker = join("w");
+  EXPECT_TRUE(worker.units.empty());
+  EXPECT_EQ(view(job).reason,
+            "limit licence has 1 unit, a lease needs 2; `tessera limits set` "
+            "raises the limit, `tessera set " +
+                job + " --limit` changes the job");
+}
+
 TEST_F(JobOrderTest, LimitOutlivesRestart) {
   ASSERT_TRUE(set_limit("licence", 2).ok());
   JobSpec spec = spec_of("a");
