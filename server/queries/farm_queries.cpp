@@ -31,6 +31,25 @@ JobKey newest(const FarmView& farm, const std::string& owner) {
   return theirs.empty() ? 0 : *theirs.rbegin();
 }
 
+/// Returns whether `value` is among `wanted`; an empty set stands for all values.
+template <typename T>
+bool is_among(const std::set<T>& wanted, const T& value) {
+  return wanted.empty() || wanted.count(value) > 0;
+}
+
+bool matches(const JobFilter& filter, const Job& job) {
+  const JobSpec& spec = *job.spec;
+  return is_visible_to(job, filter.visible_owner) && is_among(filter.owners, spec.owner) &&
+         is_among(filter.states, job.state) && is_among(filter.projects, spec.project) &&
+         is_among(filter.pools, spec.pool.empty() ? kDefaultPool : spec.pool);
+}
+
+/// Returns the owner of all jobs that can match, whose jobs the index finds; empty: several may.
+std::string single_owner(const JobFilter& filter) {
+  if (!filter.visible_owner.empty()) return filter.visible_owner;
+  return filter.owners.size() == 1 ? *filter.owners.begin() : "";
+}
+
 absl::Status ambiguous(const FarmView& farm, const std::string& text,
                        const std::vector<JobKey>& matches) {
   std::string message = absl::StrCat("\"", text, "\" matches several jobs:");
@@ -72,23 +91,28 @@ absl::StatusOr<JobView> FarmQueries::find_job(const std::string& text,
   return view.view(jobs.at(key));
 }
 
-std::vector<JobView> FarmQueries::list_jobs(JobKey before, std::int32_t limit,
-                                            const std::string& owner) const {
+JobPage FarmQueries::list_jobs(JobKey before, std::int32_t limit, const JobFilter& filter) const {
   const FarmView view(parts_.farm);
   const auto& jobs = view.scheduler().jobs().all();
-  std::vector<JobView> views;
+  JobPage page;
   const auto list = [&](const auto& keys, const auto& job_of) {
     auto it = before > 0 ? std::make_reverse_iterator(keys.lower_bound(before)) : keys.rbegin();
-    for (; it != keys.rend() && static_cast<std::int32_t>(views.size()) < limit; ++it) {
-      views.push_back(view.view(job_of(*it)));
+    for (std::int32_t visited = 0; it != keys.rend(); ++it, ++visited) {
+      if (visited == kMaxVisitedJobs || static_cast<std::int32_t>(page.jobs.size()) == limit) {
+        page.before = job_of(*std::prev(it)).key;
+        return;
+      }
+      const Job& job = job_of(*it);
+      if (matches(filter, job)) page.jobs.push_back(view.view(job));
     }
   };
+  const std::string owner = single_owner(filter);
   if (owner.empty()) {
     list(jobs, [](const auto& entry) -> const Job& { return entry.second; });
   } else {
     list(view.index().of_owner(owner), [&](JobKey key) -> const Job& { return jobs.at(key); });
   }
-  return views;
+  return page;
 }
 
 std::shared_ptr<const JobSpec> FarmQueries::describe_job(const std::string& job_id,

@@ -23,6 +23,19 @@
 
 namespace tessera::server {
 
+/// Jobs to list: those with one of the values of each set that is not empty.
+struct JobFilter {
+  std::string visible_owner = {};  // the only owner whose jobs the caller may see; empty: all
+  std::set<std::string> owners = {}, projects = {}, pools = {};
+  std::set<JobState> states = {};
+};
+
+/// Part of a list of jobs, newest first.
+struct JobPage {
+  std::vector<JobView> jobs;
+  JobKey before = 0;  // the next page begins with the job before this one; 0: this is the last page
+};
+
 /// Answers questions about jobs and the farm; changes nothing. Thread-safe.
 class FarmQueries {
  public:
@@ -46,9 +59,11 @@ class FarmQueries {
   absl::Status check_owner(const std::string& job_id, const std::string& owner) const;
   /// Finds a job by ID only. Errors: NotFound.
   absl::StatusOr<JobView> job(const std::string& job_id) const;
-  /// Returns up to `limit` jobs older than `before` (0: from the newest), newest first.
-  std::vector<JobView> list_jobs(JobKey before, std::int32_t limit,
-                                 const std::string& owner = {}) const;
+  /// Jobs that one call of list_jobs() visits at most, because it holds the farm's lock.
+  static constexpr std::int32_t kMaxVisitedJobs = 4096;
+  /// Returns up to `limit` jobs older than `before` (0: from the newest). A page may hold fewer
+  /// jobs, or none, and not be the last. Requires limit > 0.
+  JobPage list_jobs(JobKey before, std::int32_t limit, const JobFilter& filter = {}) const;
   /// Returns a job's spec if units of it were leased to workers with this certificate (empty: any
   /// worker), else null.
   std::shared_ptr<const JobSpec> describe_job(const std::string& job_id,

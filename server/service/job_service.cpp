@@ -92,20 +92,23 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* cont
     return finish(context, absl::InvalidArgumentError(absl::StrCat(
                                "page_size: ", request->page_size(), " is not in [0, 1000]")));
   }
+  auto filter = to_filter(*request);
+  if (!filter.ok()) return finish(context, filter.status());
+  filter->visible_owner = caller->visible_owner();
   const std::int32_t size = request->page_size() == 0 ? kPageSize : request->page_size();
-  const std::vector<JobView> views =
-      coordinator_.queries().list_jobs(before, size, caller->visible_owner());
+  const JobPage page = coordinator_.queries().list_jobs(before, size, *filter);
   MessageBudget budget;
-  for (const JobView& view : views) {
+  JobKey next = page.before, last_sent = 0;
+  for (const JobView& view : page.jobs) {
     v1::Job job = to_message(view);
-    if (!budget.add(job)) break;
+    if (!budget.add(job)) {
+      next = last_sent;
+      break;
+    }
+    last_sent = view.key;
     *response->add_jobs() = std::move(job);
   }
-  const auto sent = static_cast<std::size_t>(response->jobs_size());
-  const bool is_full = static_cast<std::int32_t>(sent) == size || sent < views.size();
-  if (is_full && views[sent - 1].key > 1) {
-    response->set_next_page_token(absl::StrCat(views[sent - 1].key));
-  }
+  if (next != 0) response->set_next_page_token(absl::StrCat(next));
   return finish(context, absl::OkStatus());
 }
 

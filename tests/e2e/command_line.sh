@@ -137,6 +137,30 @@ exits 2 tessera render "$square" "${job[@]}" --reference "$work/part.exr" -o "$w
 says "part.exr: the reference is 24x32; expected 64x48"
 say "references of crops"
 
+# Lists with filters; the columns of what is special appear.
+exits 0 farm list
+[[ $(head -n 1 "$work/out") != *PROJECT* ]] || fail "list: a column PROJECT, but no job has one"
+night=$(farm submit "$square" "${job[@]}" --name filtered --project film --pool night --priority 7)
+exits 0 farm list --project film --state queued --state running --pool night --owner local
+for word in AGE PRIORITY PROJECT POOL "$night" film night; do says "$word"; done
+equal "one job matches" "$(wc -l <"$work/out")" 2
+exits 0 farm list --project film --state done --json
+equal "no job matches" "$(json "$work/out" 'len(d["jobs"])')" 0
+exits 2 farm list --state nonsense
+exits 0 farm status "$night"
+says "owner"
+exits 0 farm events --kind "job submitted" --limit 1 --json
+equal "the newest submission" "$(json "$work/out" 'd["kind"] + " " + d["job"]')" "job submitted $night"
+exits 2 farm events --kind nonsense
+exits 0 farm cancel "$night"
+exits 0 farm workers
+says TAGS
+exits 0 farm quotas
+says "stored-gb"
+exits 2 farm usage --since 2026-02-01 --until 2026-01-01
+says "is not later than --since"
+say "list and events with filters"
+
 # Every JSON document names its schema.
 for words in "list" "workers" "status $id" "report $id"; do
   # shellcheck disable=SC2086

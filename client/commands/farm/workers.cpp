@@ -92,14 +92,16 @@ int run(const WorkersOptions& options, const Connection& connection) {
     return kExitDone;
   }
   Table table({"WORKER", "STATE", "POOL", "THREADS", "ISA", "LEASED", "COMMITTED", "CPU S",
-               "MEMORY", "HOST", "NAME"});
+               "MEMORY", "HOST", "NAME", "TAGS", "NOTE"});
   for (const v1::Worker& worker : *workers) {
-    table.add(
-        {worker.id(), state_name(worker.state()), worker.pool(),
-         std::to_string(worker.thread_count()), worker.isa(),
-         std::to_string(worker.leased_unit_count()), std::to_string(worker.committed_unit_count()),
-         absl::StrFormat("%.1f", worker.cpu_seconds()),
-         format_bytes(static_cast<double>(worker.rss_bytes())), worker.host(), worker.name()});
+    table.add({worker.id(), state_name(worker.state()), worker.pool(),
+               std::to_string(worker.thread_count()), worker.isa(),
+               std::to_string(worker.leased_unit_count()),
+               std::to_string(worker.committed_unit_count()),
+               absl::StrFormat("%.1f", worker.cpu_seconds()),
+               format_bytes(static_cast<double>(worker.rss_bytes())), worker.host(), worker.name(),
+               worker.tags().empty() ? "-" : absl::StrJoin(worker.tags(), ","),
+               worker.note().empty() ? "-" : worker.note()});
   }
   std::fputs(table.text().c_str(), stdout);
   for (const auto& [certificate, ids] : by_certificate(*workers)) {

@@ -22,8 +22,12 @@ struct StatusOptions {
 
 /// Adds what the job requires of workers, limits and other jobs.
 void add_requirements(const v1::Job& job, Table& table) {
+  if (!job.owner().empty()) table.add({"owner", job.owner()});
   table.add({"priority", std::to_string(job.priority())});
   table.add({"pool", job.pool()});
+  if (job.max_worker_count() > 0) {
+    table.add({"max workers", std::to_string(job.max_worker_count())});
+  }
   if (!job.required_tag().empty()) table.add({"tag", job.required_tag()});
   for (const v1::LimitUse& use : job.limits()) {
     table.add({"limit", absl::StrCat(use.limit(), ", ", use.unit_count(), " for each unit")});

@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t kMaxSceneNameLetters = 1000, kMaxUriLetters = 4096, kMaxWarningLetters = 4000,
                       kMaxWarnings = 101;
 constexpr int kMaxAssets = 100'000, kMaxFrameRanges = 4096;
-constexpr int kMaxDependencies = 64, kMaxLimitUses = 16, kMaxBlocked = 1000;
+constexpr int kMaxDependencies = 64, kMaxLimitUses = 16, kMaxBlocked = 1000, kMaxFilterValues = 100;
 
 /// Checks that a URI, by which workers read a resource, cannot lead out of a directory.
 bool is_inside(const std::string& uri) {
@@ -107,6 +107,17 @@ absl::Status check_workers(const std::string& field,
                            const google::protobuf::RepeatedPtrField<std::string>& ids) {
   absl::Status status = check_range(field, ids.size(), 0, kMaxBlocked);
   for (const std::string& id : ids) status.Update(check_name(field, id));
+  return status;
+}
+
+absl::Status read_filter(const std::string& field,
+                         const google::protobuf::RepeatedPtrField<std::string>& values,
+                         std::set<std::string>& wanted) {
+  absl::Status status = check_range(field, values.size(), 0, kMaxFilterValues);
+  for (const std::string& value : values) {
+    status.Update(check_text(field, value, 0, kMaxNameLetters));
+  }
+  if (status.ok()) wanted = {values.begin(), values.end()};
   return status;
 }
 
@@ -245,6 +256,20 @@ absl::StatusOr<JobAdmin::Update> from_message(const v1::UpdateJobRequest& messag
   if (!limits.ok()) return limits.status();
   update.limits = *std::move(limits);
   return update;
+}
+
+absl::StatusOr<JobFilter> to_filter(const v1::ListJobsRequest& request) {
+  JobFilter filter;
+  absl::Status status = read_filter("owners", request.owners(), filter.owners);
+  status.Update(read_filter("projects", request.projects(), filter.projects));
+  status.Update(read_filter("pools", request.pools(), filter.pools));
+  status.Update(check_range("states", request.states_size(), 0, kMaxFilterValues));
+  for (const int state : request.states()) {
+    status.Update(check_range("states", state, v1::Job::STATE_QUEUED, v1::Job::STATE_CANCELLED));
+    filter.states.insert(static_cast<JobState>(state));
+  }
+  if (!status.ok()) return status;
+  return filter;
 }
 
 absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::string& owner) {

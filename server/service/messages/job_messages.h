@@ -18,6 +18,8 @@ absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::
 
 absl::StatusOr<JobAdmin::Update> from_message(const v1::UpdateJobRequest& message);
 
+absl::StatusOr<JobFilter> to_filter(const v1::ListJobsRequest& request);
+
 /// Parses a job's spec from its row. Errors: DataLoss.
 absl::StatusOr<JobSpec> read_spec(const JobRecord& record);
 

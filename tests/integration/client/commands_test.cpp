@@ -27,6 +27,7 @@ namespace {
 
 using nlohmann::json;
 using support::document_faults;
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
@@ -90,6 +91,21 @@ TEST_F(CommandsTest, ListSaysWhyJobsWait) {
   EXPECT_THAT(text, HasSubstr("room  no workers connected\n"));
   EXPECT_THAT(text, HasSubstr("lamp  frame 0 failed 3 times…\n")) << "one line";
   EXPECT_THAT(text, HasSubstr("hall  " + std::string(100, 'x') + "…\n"));
+}
+
+TEST_F(CommandsTest, ListLeavesOutColumnsWithoutContent) {
+  farm_.add_job("aaa111", "lamp", v1::Job::STATE_QUEUED).set_pool("default");
+  EXPECT_THAT(run({"list"}).out, HasSubstr("CPU S  AGE"));
+  EXPECT_THAT(run({"list"}).out, Not(HasSubstr("OWNER")));
+  v1::Job& room = farm_.add_job("bbb222", "room", v1::Job::STATE_QUEUED);
+  room.set_pool("night");
+  room.set_owner("ann");
+  room.set_project("film");
+  room.set_priority(7);
+  const std::string text = run({"list"}).out;
+  EXPECT_THAT(text, ContainsRegex("PRIORITY +OWNER +PROJECT +POOL +NAME +REASON\n"));
+  EXPECT_THAT(text, ContainsRegex("7 +ann +film +night +room +-\n"));
+  EXPECT_THAT(text, ContainsRegex("0 +local +- +default +lamp +-\n"));
 }
 
 TEST_F(CommandsTest, ListReadsPagesUpToLimit) {

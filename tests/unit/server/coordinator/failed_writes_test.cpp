@@ -76,10 +76,10 @@ TEST_F(FailedWriteTest, FailedRemovalKeepsJob) {
   ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
   fill_disk();
   EXPECT_TRUE(absl::IsResourceExhausted(remove(job)));
-  EXPECT_EQ(coordinator->queries().list_jobs(0, 10).size(), 1u);
+  EXPECT_EQ(coordinator->queries().list_jobs(0, 10).jobs.size(), 1u);
   free_disk();
   EXPECT_TRUE(remove(job).ok());
-  EXPECT_TRUE(coordinator->queries().list_jobs(0, 10).empty());
+  EXPECT_TRUE(coordinator->queries().list_jobs(0, 10).jobs.empty());
 }
 
 TEST_F(FailedWriteTest, FaultOfOneJobLeavesOtherJobs) {
@@ -103,7 +103,7 @@ TEST_F(FailedWriteTest, FailedTransactionAcknowledgesNothing) {
   EXPECT_TRUE(worker.acknowledgements.empty());
   EXPECT_EQ(view(job).state, JobState::paused);
   EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("b")).status()));
-  EXPECT_EQ(coordinator->queries().list_jobs(0, 10).size(), 1u);
+  EXPECT_EQ(coordinator->queries().list_jobs(0, 10).jobs.size(), 1u);
   store.controls().fail_transactions_with(absl::OkStatus());
   for (const Leased& unit : units) deliver(worker, unit, bytes_of(unit));
   pump();
@@ -156,7 +156,7 @@ TEST_F(FailedWriteTest, QuotaCountsJobsOfSameTransaction) {
   write_round();
   EXPECT_EQ(created, 2);
   EXPECT_EQ(repeated, 2) << "the same request is the same job";
-  EXPECT_EQ(coordinator->queries().list_jobs(0, 10).size(), 2u);
+  EXPECT_EQ(coordinator->queries().list_jobs(0, 10).jobs.size(), 2u);
 }
 
 TEST_F(FailedWriteTest, JobResumesWhenDiskHasRoom) {

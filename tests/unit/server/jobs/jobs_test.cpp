@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <string>
 
 #include "absl/strings/match.h"
@@ -97,11 +98,44 @@ TEST_F(JobsTest, FindsJobsByIdPrefixNameAndLast) {
 TEST_F(JobsTest, ListsNewestFirstInPages) {
   for (const char* name : {"a", "b", "c"}) create_job(name);
   const auto first = coordinator->queries().list_jobs(0, 2);
-  ASSERT_EQ(first.size(), 2u);
-  EXPECT_EQ(first[0].spec->name, "c");
-  const auto second = coordinator->queries().list_jobs(first.back().key, 2);
-  ASSERT_EQ(second.size(), 1u);
-  EXPECT_EQ(second[0].spec->name, "a");
+  ASSERT_EQ(first.jobs.size(), 2u);
+  EXPECT_EQ(first.jobs[0].spec->name, "c");
+  EXPECT_EQ(first.before, first.jobs.back().key);
+  const auto second = coordinator->queries().list_jobs(first.before, 2);
+  ASSERT_EQ(second.jobs.size(), 1u);
+  EXPECT_EQ(second.jobs[0].spec->name, "a");
+  EXPECT_EQ(second.before, 0) << "the last page";
+}
+
+TEST_F(JobsTest, FilteredPageVisitsLimitedNumberOfJobs) {
+  JobSpec rare = spec_of("rare");
+  rare.project = "film";
+  ASSERT_TRUE(create(rare).ok());
+  for (int i = 0; i < FarmQueries::kMaxVisitedJobs; ++i) create_job("job" + std::to_string(i));
+  const JobFilter filter{.projects = {"film"}};
+  const JobPage first = coordinator->queries().list_jobs(0, 10, filter);
+  EXPECT_TRUE(first.jobs.empty());
+  ASSERT_NE(first.before, 0) << "not the last page";
+  const JobPage second = coordinator->queries().list_jobs(first.before, 10, filter);
+  ASSERT_EQ(second.jobs.size(), 1u);
+  EXPECT_EQ(second.jobs[0].spec->name, "rare");
+  EXPECT_EQ(second.before, 0);
+}
+
+TEST_F(JobsTest, JobWithoutWorkersHasNoRemainingTime) {
+  const std::string job = create_job("a");
+  TestWorker worker = join("w", 2);
+  now += std::chrono::seconds(1);
+  deliver_all(worker);
+  pump();
+  ASSERT_EQ(view(job).reason, "");
+  EXPECT_TRUE(view(job).remaining_seconds.has_value());
+  for (int i = 0; i < 60; ++i) {  // until the worker is lost
+    now += std::chrono::milliseconds(100);
+    coordinator->tick();
+  }
+  EXPECT_EQ(view(job).reason, "no workers connected");
+  EXPECT_FALSE(view(job).remaining_seconds.has_value());
 }
 
 TEST_F(JobsTest, OnlyEndedJobsCanBeRemoved) {

@@ -68,7 +68,7 @@ TEST_F(UnreadableJob, IsListedAsFailedWithItsCause) {
   EXPECT_EQ(found.spec->name, "lost");
   EXPECT_EQ(found.spec->owner, "ann");
   EXPECT_NE(found.reason.find("cannot parse its request"), std::string::npos) << found.reason;
-  EXPECT_EQ(coordinator->queries().list_jobs(0, 10, "ann").size(), 2u);
+  EXPECT_EQ(coordinator->queries().list_jobs(0, 10, {.visible_owner = "ann"}).jobs.size(), 2u);
   ASSERT_EQ(errors_.size(), 1u);
   EXPECT_NE(errors_[0].find(lost), std::string::npos) << errors_[0];
 }
