@@ -56,7 +56,7 @@ v1::Budget budget_of(const std::string& name) {
   return budget;
 }
 
-TEST_F(AccountsService, QuotasOfCallsAreUnlimitedWithoutCertificates) {
+TEST_F(AccountsService, CallQuotasNeedCertificates) {
   create_job("a");
   grpc::ClientContext context;
   prepare(context);

@@ -105,7 +105,7 @@ TEST_F(JobFilters, PagesHoldAllMatches) {
   EXPECT_EQ(list("root", request).size(), 5u);
 }
 
-TEST_F(JobFilters, UnknownStateAndTooManyValuesAreRefused) {
+TEST_F(JobFilters, InvalidFiltersAreRefused) {
   v1::ListJobsRequest request;
   request.add_states(v1::Job::STATE_UNSPECIFIED);
   EXPECT_EQ(code(request), StatusCode::INVALID_ARGUMENT);
