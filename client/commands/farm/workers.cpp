@@ -68,12 +68,12 @@ nlohmann::ordered_json document_of(const v1::Worker& worker) {
           {"connected", worker.connected()}};
 }
 
-/// Returns the IDs of the workers with each certificate.
+/// Returns the IDs of the connected workers with each certificate.
 std::map<std::string, std::vector<std::string>> by_certificate(
     const std::vector<v1::Worker>& workers) {
   std::map<std::string, std::vector<std::string>> found;
   for (const v1::Worker& worker : workers) {
-    if (worker.certificate().empty() || worker.state() == v1::Worker::STATE_LOST) continue;
+    if (worker.certificate().empty() || !worker.connected()) continue;
     found[worker.certificate()].push_back(worker.id());
   }
   return found;

@@ -30,14 +30,17 @@ bool is_apart(const Job& job, const Lease& lease) {
   if (job.audits.count(unit) > 0) return true;
   if (!job.plan) return false;
   const auto in_flight = job.plan->in_flight().find(unit);
-  return in_flight != job.plan->in_flight().end() &&
-         (in_flight->second.copied || in_flight->second.holders.size() > 1);
+  return in_flight != job.plan->in_flight().end() && in_flight->second.copied;
 }
 
-/// Returns whether the unit was committed since it was leased, so that is_apart() cannot tell.
+/// Returns whether it cannot be told what the lease is: the unit was committed since, or another
+/// worker has connected that holds it too, from an earlier server.
 bool is_unclear(const Job& job, const Lease& lease) {
-  return job.plan && (!job.plan->contains({lease.frame, lease.first_tile, lease.pass}) ||
-                      job.plan->is_committed({lease.frame, lease.first_tile, lease.pass}));
+  if (!job.plan) return false;
+  const contract::Unit unit{lease.frame, lease.first_tile, lease.pass};
+  if (!job.plan->contains(unit) || job.plan->is_committed(unit)) return true;
+  const auto in_flight = job.plan->in_flight().find(unit);
+  return in_flight != job.plan->in_flight().end() && in_flight->second.holders.size() > 1;
 }
 
 }  // namespace
