@@ -57,6 +57,7 @@ OWN = {  # written by own_scenes.py
     "sky_balls": Scene("sky_balls.gltf", 1024, 9, "sky.hdr"),
     "mosaic_room": Scene("mosaic_room.gltf", 1024, 9),
     "focus": Scene("focus.gltf", 1024, 9),
+    "lamp_rooms": Scene("lamp_rooms.gltf", 4096, 9),
 }
 SCENES = GIVEN | OWN
 

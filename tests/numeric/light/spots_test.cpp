@@ -398,22 +398,8 @@ TEST(LightSpots, LightOfMirrorsOnDiffuseSurfacesStays) {
   expect_same_mean(polished_room(), 4096, 4096);
 }
 
-/// Mean square of the differences between pictures of different seeds, over four pairs: few samples
-/// that find a small lamp decide the difference of one pair.
 double noise(const Scene& scene, bool guiding) {
-  auto settings = settings_for(64, guiding);
-  double sum = 0;
-  for (int pair = 0; pair < 4; ++pair) {
-    settings.seed = static_cast<std::uint32_t>(2 * pair);
-    const Picture a = render_picture(scene, settings);
-    settings.seed += 1;
-    const Picture b = render_picture(scene, settings);
-    for (std::size_t i = 0; i < a.rgb.size(); ++i) {
-      const double scale = 0.5 * (a.rgb[i] + b.rgb[i]) + 0.1;
-      sum += (a.rgb[i] - b.rgb[i]) * (a.rgb[i] - b.rgb[i]) / (scale * scale);
-    }
-  }
-  return sum;
+  return noise_between_seeds(scene, settings_for(64, guiding));
 }
 
 TEST(LightSpots, SmallLampInMirrorsHasLessNoise) {

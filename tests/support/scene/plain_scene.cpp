@@ -203,6 +203,21 @@ double Picture::mean_error() const {
   return std::sqrt(sum) / static_cast<double>(error.size());
 }
 
+double noise_between_seeds(const Scene& scene, contract::RenderSettings settings) {
+  double sum = 0;
+  for (int pair = 0; pair < 4; ++pair) {
+    settings.seed = static_cast<std::uint32_t>(2 * pair);
+    const Picture a = render_picture(scene, settings);
+    settings.seed += 1;
+    const Picture b = render_picture(scene, settings);
+    for (std::size_t i = 0; i < a.rgb.size(); ++i) {
+      const double scale = 0.5 * (a.rgb[i] + b.rgb[i]) + 0.1;
+      sum += (a.rgb[i] - b.rgb[i]) * (a.rgb[i] - b.rgb[i]) / (scale * scale);
+    }
+  }
+  return sum;
+}
+
 double largest_difference(const Picture& a, const Picture& b) {
   double largest = 0;
   for (std::int32_t y = 0; y + 4 <= a.height; y += 4) {

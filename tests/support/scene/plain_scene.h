@@ -76,6 +76,10 @@ struct Picture {
 Picture render_picture(render::Scene scene, const contract::RenderSettings& settings,
                        const render::TraceOptions& tracing = {});
 
+/// Sum of the squared relative differences between pictures of different seeds, over four pairs:
+/// few samples that find a small lamp decide the difference of one pair.
+double noise_between_seeds(const render::Scene& scene, contract::RenderSettings settings);
+
 /// Largest difference of the means over 4 x 4 pixels of two pictures of one size, in standard
 /// errors: for pictures of at most 40 x 32 that have the same expectation, 4.5 is exceeded once in
 /// two thousand times.
