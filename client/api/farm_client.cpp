@@ -227,20 +227,15 @@ class Client : public FarmClient {
   }
 
   absl::Status drain_worker(const std::string& worker_id) override {
-    return order<v1::DrainWorkerRequest, v1::DrainWorkerResponse>(
-        &v1::WorkerService::Stub::DrainWorker, worker_id);
+    return order(&v1::WorkerService::Stub::DrainWorker, worker_id).status();
   }
   absl::StatusOr<std::vector<std::string>> ban_worker(const std::string& worker_id) override {
-    v1::BanWorkerRequest request;
-    request.set_worker_id(worker_id);
-    v1::BanWorkerResponse response;
-    absl::Status status = unary(workers_, &v1::WorkerService::Stub::BanWorker, request, response);
-    if (!status.ok()) return status;
-    return std::vector<std::string>(response.worker_ids().begin(), response.worker_ids().end());
+    const auto banned = order(&v1::WorkerService::Stub::BanWorker, worker_id);
+    if (!banned.ok()) return banned.status();
+    return std::vector<std::string>(banned->worker_ids().begin(), banned->worker_ids().end());
   }
   absl::Status allow_worker(const std::string& worker_id) override {
-    return order<v1::AllowWorkerRequest, v1::AllowWorkerResponse>(
-        &v1::WorkerService::Stub::AllowWorker, worker_id);
+    return order(&v1::WorkerService::Stub::AllowWorker, worker_id).status();
   }
 
   absl::Status move_worker(const std::string& worker_id, const std::string& pool) override {
@@ -259,8 +254,7 @@ class Client : public FarmClient {
     return unary(workers_, &v1::WorkerService::Stub::SetAsideWorker, request, response);
   }
   absl::Status bring_back_worker(const std::string& worker_id) override {
-    return order<v1::BringBackWorkerRequest, v1::BringBackWorkerResponse>(
-        &v1::WorkerService::Stub::BringBackWorker, worker_id);
+    return order(&v1::WorkerService::Stub::BringBackWorker, worker_id).status();
   }
 
   absl::StatusOr<v1::Budget> set_budget(const v1::Budget& budget) override {
@@ -449,12 +443,15 @@ class Client : public FarmClient {
     return std::move(*response.mutable_job());
   }
 
-  template <typename Request, typename Response, typename Method>
-  absl::Status order(Method method, const std::string& worker_id) {
+  template <typename Request, typename Response>
+  absl::StatusOr<Response> order(grpc::Status (v1::WorkerService::Stub::*method)(
+                                     grpc::ClientContext*, const Request&, Response*),
+                                 const std::string& worker_id) {
     Request request;
     request.set_worker_id(worker_id);
-    Response response;
-    return unary(workers_, method, request, response);
+    absl::StatusOr<Response> response = Response();
+    absl::Status status = unary(workers_, method, request, *response);
+    return status.ok() ? response : status;
   }
 
   template <typename Stub, typename Method, typename Request, typename Response>

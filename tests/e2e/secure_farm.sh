@@ -22,7 +22,7 @@ exits 3 tessera list --server "$address" --token "$work/issued"
 exits 2 tessera list --server farm.example:7420
 says "issue-cert"
 exits 0 as client-ann list
-say "who has no certificate is not let in"
+say "clients without a certificate are refused"
 
 worker_token=$work/join.token
 tessera-server tokens create --store "$work/store" --max-joins 1 --out "$worker_token"

@@ -47,7 +47,7 @@ auto value_of(const Names& names, const std::string& text) {
 
 struct BudgetOptions {
   std::string owner, project;
-  // Of `set`: absent options keep the budget's values.
+  // Only `budgets set` has these options. One that is not given keeps the budget's value.
   std::optional<std::string> period, action;
   std::optional<double> cpu_hours, warning_fraction;
 
